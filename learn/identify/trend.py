@@ -76,7 +76,7 @@ class ParameterTrend:
 @dataclass(frozen=True)
 class FollowedFlight:
     """One of the flights: the log without its samples, its notes, its sensor noise (6,) [N, Nm] and the filter [Hz];
-    `signature` is what it is known again by (`flight.repeats.signature`), `seconds` how long it is.
+    `signature` is what it is known again by (`flight.repeats.signature`), `span` from when to when it flew [ns].
     """  # noqa: D205
 
     flight: Flight
@@ -84,12 +84,7 @@ class FollowedFlight:
     noise: Array
     cutoff_hz: float
     signature: tuple[int, ...] = ()
-    seconds: float = 0.0
-
-    @property
-    def span(self) -> tuple[int, int]:
-        """From when to when it flew [ns]."""
-        return self.flight.start_ns, self.flight.start_ns + int(1e9 * self.seconds)
+    span: tuple[int, int] = (0, 0)
 
 
 @dataclass(frozen=True)
@@ -110,7 +105,8 @@ class FlightValues:
 class Trend(Result):
     """Parameters over flights, in the order given; `left_out` are effects that were not fitted, and why.
 
-    `left` (n, 6) [N, Nm] is the rms of the residual of each flight with its own values.
+    `left` (n, 6) [N, Nm] is the rms of the residual of each flight with its own values. `notes` say how flights were
+    chosen and ordered, where nobody gave an order.
     """
 
     model: Model
@@ -119,6 +115,7 @@ class Trend(Result):
     parameters: tuple[ParameterTrend, ...]
     left: Array
     left_out: tuple[LeftOut, ...]
+    notes: tuple[str, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -147,10 +144,10 @@ class Trend(Result):
 
     @property
     def at_once(self) -> tuple[int, int] | None:
-        """Two flights that flew at the same time, by the calendars of their clocks: one in two logs. Those
-        that begin with the very same stamp are a simulator's.
+        """Two flights that flew at the same time, by the calendars of their clocks: one flight in two logs. Those that
+        begin with the very same stamp are a simulator's.
         """  # noqa: D205
-        unlike = list({one.flight.start_ns: k for k, one in enumerate(self.flights)}.values())
+        unlike = list({one.span[0]: k for k, one in enumerate(self.flights)}.values())
         pair = at_once([self.flights[k].span for k in unlike]) if all(self.dates) else None
         return None if pair is None else (unlike[pair[0]], unlike[pair[1]])
 
@@ -196,7 +193,8 @@ def trend(
         raise UsageError("--parts: says itself what is fitted, of each rotor, servo and arm; leave out --fit")
     for k, one in enumerate(flights[1:], 1):
         refuse_other_vehicle(one, flights[: min(k, 5)], "the first of them", model)
-    flights = _by_date(flights) if parts else flights
+    if parts and (order := by_date([_span(one) for one in flights])) is not None:
+        flights = [flights[k] for k in order]
     report = progress or silent
     choices = [_effects(flights, model, names, parts=parts)]
     if choices[0][0] == TRIMS and not names and all(_allows(one, model, ROTORS) for one in flights):
@@ -228,11 +226,18 @@ def at_once(spans: Sequence[tuple[int, int]]) -> tuple[int, int] | None:
     return next(((a, b) for a, b in pairwise(order) if spans[b][0] < spans[a][1]), None)
 
 
-def _by_date(flights: Sequence[OpenFlight]) -> Sequence[OpenFlight]:
-    """The flights in order of date; as given where stamps are no dates: of no era, or of flights at the same time."""
-    spans = [followed_flight(one).span for one in flights]
-    dated = all(start > DATED for start, _ in spans) and at_once(spans) is None
-    return [flights[k] for k in sorted(range(len(spans)), key=lambda k: spans[k])] if dated else flights
+def by_date(spans: Sequence[tuple[int, int]]) -> list[int] | None:
+    """The order of these flights, from and to [ns], by date; None where stamps are no dates: of no era, or of flights
+    at the same time.
+    """  # noqa: D205
+    if at_once(spans) is not None or any(start <= DATED for start, _ in spans):
+        return None
+    return sorted(range(len(spans)), key=lambda k: spans[k])
+
+
+def _span(one: OpenFlight) -> tuple[int, int]:
+    start = one.flight.start_ns
+    return start, start + int(1e9 * one.records[-1].time[-1])
 
 
 def trend_of(
@@ -268,8 +273,8 @@ def followed_flight(one: OpenFlight) -> FollowedFlight:
     about = one.records[0].flight, whole.path, whole.content_hash, whole.start_ns
     bare = Flight(*about, autopilot=whole.autopilot)
     noise = np.asarray(np.sum([r.noise for r in one.records], axis=0))
-    samples, seconds = tuple(signature(whole).tolist()), float(one.records[-1].time[-1])
-    return FollowedFlight(bare, one.notes, noise, one.records[0].cutoff_hz, samples, seconds)
+    samples = tuple(signature(whole).tolist())
+    return FollowedFlight(bare, one.notes, noise, one.records[0].cutoff_hz, samples, _span(one))
 
 
 def _effects(

@@ -34,7 +34,7 @@ from wrenchgap.learn.posterior.relinearisation import (
     without_doubtful,
 )
 from wrenchgap.learn.posterior.score import Keys, Scored, Scorer
-from wrenchgap.learn.posterior.scored_sets import STRAIGHT, Bends, ScoredSet, scored_set, shares, weights
+from wrenchgap.learn.posterior.scored_sets import STRAIGHT, Bends, ScoredSet, scored_set, shares, shares_of, weights
 from wrenchgap.learn.posterior.single_effects import ModelResidual
 from wrenchgap.learn.posterior.subset_search import ordered, with_fit_discounted
 from wrenchgap.plant.effects import family, find
@@ -215,18 +215,18 @@ def substitutes(scorer: Scorer, heaviest: ScoredSet) -> list[Keys]:
 
 
 def with_leaves_of(joint: Joint, whole: ScoredSet) -> ScoredSet:
-    """What remains of a set as it is where that was linearised: of a lag and a delay, either of which is idle beside
-    the other, the one that does as well alone. Where the whole is likelier than the best of them by so much, they are
-    told apart by as many times less: of two that are both wrong, the one that is less so need not be there. As it was
-    where one of the sets that remain was not linearised.
+    """A set with what remains of it as that is where it was linearised itself: of a lag and a delay, either of which is
+    idle beside the other, the one that does as well alone. Where the whole is d > 1 nats likelier than the best of
+    them, their odds count to the power 1 / d: of two that are both wrong, the one that is less so need not be there.
+    As it was where one of the sets that remain was not linearised.
     """  # noqa: D205
     known = [joint.get(leaf.keys) for leaf, _ in whole.leaves]
     there = [one for one in known if one is not None]
     if len(there) < len(known):
         return whole
-    log = np.array([one.scored.log_probability for one in there])
-    share = np.exp((log - log.max()) / max(whole.scored.log_probability - log.max(), 1.0))
-    return replace(whole, leaves=tuple(zip(there, (share / share.sum()).tolist(), strict=True)))
+    log = [one.scored.log_probability for one in there]
+    share = shares_of(log, max(whole.scored.log_probability - max(log), 1.0))
+    return replace(whole, leaves=tuple(zip(there, share, strict=True)))
 
 
 def equivalents_without_idle(scorer: Scorer, whole: ScoredSet) -> tuple[tuple[ScoredSet, float], ...]:

@@ -6,7 +6,7 @@ which a lag is large those straight lines say little: what is late of the others
 """
 
 import itertools
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -51,7 +51,7 @@ def relinearised_set(
     with threadpool_limits(1, user_api="blas"):
         try:
             begin = dict(zip(keys, theta, strict=True))
-            scorer = joint_optimum(ground, columns, begin, lambda s: Scorer(s, reference), factors)
+            scorer = joint_optimum(ground, columns, begin, reference, factors)
             return scored_set(scorer, keys, rests, bends)
         except (ModelError, np.linalg.LinAlgError):  # an inertia that no body has, say
             return None
@@ -61,24 +61,25 @@ def joint_optimum(
     ground: ModelResidual,
     columns: Sequence[Column],
     theta: Mapping[str, Array],
-    scorer_on: Callable[[Spectrum], Scorer],
+    reference: Array,
     factors: Array,
     least: float = 0.2,
     steps: int = 8,
 ) -> Scorer:
-    """The scorer of a set linearised where the set is likeliest, beginning at `theta` by column.
+    """The scorer of a set linearised where the set is likeliest, beginning at `theta` by column; against the noise's
+    `reference`, blocks weighed by `factors`.
 
     Gauss-Newton steps, each halved until the set is likelier there: far from where lags were linearised, whole steps go
     from one bad place to the next. The search ends where straight lines promise less than `least` [log odds], a tenth
     of what tells two sets apart. A step that brings what was promised keeps its derivatives. Where no step is likelier,
     or there were so many `steps`, the set is scored where it is, and not where straight lines would have it.
-    """
+    """  # noqa: D205
     keys = tuple(theta)
 
     def around(lines: Sequence[Column], at: Mapping[str, Array], *, anew: bool) -> tuple[Sequence[Column], Scorer]:
         derived = [replace(c, jacobian=line.jacobian) for c, line in zip(columns, lines, strict=True)]
         moved = joint_columns(ground, derived, [at[k] for k in keys], anew=anew)
-        return moved, scorer_on(spectrum_of(ground, moved, factors))
+        return moved, Scorer(spectrum_of(ground, moved, factors), reference)
 
     lines, scorer = around(columns, theta, anew=True)
     here = scorer.held(keys, theta)

@@ -199,8 +199,13 @@ def without_idle(scorer: Scorer, keys: Keys, bends: Bends = STRAIGHT, rule: Rule
 
 def shares(scorer: Scorer, sets: Sequence[Keys]) -> list[float]:
     """Of these sets, by their probabilities."""
-    log = np.array([scorer(keys).log_probability for keys in sets])
-    share = np.exp(log - log.max())
+    return shares_of([scorer(keys).log_probability for keys in sets])
+
+
+def shares_of(log_probabilities: Sequence[float], root: float = 1.0) -> list[float]:
+    """By probabilities whose odds count to the power 1 / `root`."""
+    log = np.array(log_probabilities)
+    share = np.exp((log - log.max()) / root)
     return [float(x) for x in share / share.sum()]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from wrenchgap.flight.errors import FitError, UsageError
 from wrenchgap.flight.formats.folders import natural
 from wrenchgap.flight.repeats import SKETCH
-from wrenchgap.learn.identify.trend import DATED, FlightValues, FollowedFlight, Trend, trend_of
+from wrenchgap.learn.identify.trend import FlightValues, FollowedFlight, Trend, by_date, trend_of
 from wrenchgap.learn.posterior.fleet_ranking import Ranking, ranking
 from wrenchgap.learn.posterior.flight_evidence import Evidence, unpacked
 from wrenchgap.plant.effects import find
@@ -91,27 +91,24 @@ def moved(found: Sequence[FleetRanking], most: float = 0.1) -> bool:
     return False
 
 
-def _in_order(read: Sequence[tuple[str, Followed]]) -> list[Followed]:
-    """Flights by log, each once: by the time at which they began, where all clocks are calendars; else by the logs'
-    names, numbers in them by size, which is said. A clock that begins with the autopilot says nothing of the day.
+def _in_order(read: Sequence[tuple[str, Followed]]) -> tuple[list[Followed], tuple[str, ...]]:
+    """Flights by log, each once: by date, where all clocks are calendars; else by the logs' names, numbers in them by
+    size. And what there is to say of that: a clock that begins with the autopilot says nothing of the day.
     """  # noqa: D205
-    repeats = repeated((log, one.signature) for log, (one, _) in read)
-    once = [(log, pair) for log, pair in read if log not in repeats]
-    dated = all(one.flight.start_ns > DATED for _, (one, _) in once)
-
-    def place(of: tuple[str, Followed]) -> tuple[int, list[list[tuple[int, str]]]]:
-        return of[1][0].flight.start_ns if dated else 0, [natural(Path(part)) for part in Path(of[0]).parts]
-
-    out = [pair for _, pair in sorted(once, key=place)]
+    longest_first = sorted(read, key=lambda row: row[1][0].span[0] - row[1][0].span[1])
+    repeats = repeated((log, one.signature) for log, (one, _) in longest_first)
     said = [f"{log} is a flight that {other} has: left out." for log, other in repeats.items()]
-    if not dated:
+    once = [(log, pair) for log, pair in read if log not in repeats]
+    order = by_date([one.span for _, (one, _) in once])
+    if order is None:
         said.append("Flights are in the order of their logs' names: not every log says on which day it began.")
-    return [(replace(out[0][0], notes=tuple(said)), out[0][1]), *out[1:]]
+        order = sorted(range(len(once)), key=lambda k: [natural(Path(part)) for part in Path(once[k][0]).parts])
+    return [once[k][1] for k in order], tuple(said)
 
 
 def trend_of_rows(store: Store, model: Model, names: tuple[str, ...] = (), vehicle: str | None = None) -> Trend:
-    """The trend over the flights of one vehicle, each once, in the order of their clocks where all of these are
-    calendars, else of the logs' names.
+    """The trend over the flights of one vehicle, each once, in the order of date where all clocks are calendars,
+    else of the logs' names.
 
     Raises UsageError where the rows are damaged or not those of `compare`, are of several vehicles and none is named,
     are of other effects, or of fewer than two flights.
@@ -134,7 +131,7 @@ def trend_of_rows(store: Store, model: Model, names: tuple[str, ...] = (), vehic
         read = [(r["log"], from_fit_json(r["fit"], f"{where}: `fit` of the row of {r['log']}")) for r in own]
     except UsageError as error:
         raise UsageError(f"{error}; to do that log again, run the same `wrenchgap batch` with --again") from None
-    pairs = _in_order(read)
+    pairs, said = _in_order(read)
     if len(pairs) < 2:
         raise UsageError(
             f"{where}: all logs are of one flight, {pairs[0][0].flight.name}; expected two flights or more"
@@ -153,4 +150,5 @@ def trend_of_rows(store: Store, model: Model, names: tuple[str, ...] = (), vehic
                 f"{where}: `fit` of {one.flight.name} has {len(values.theta)} values and {len(values.std)} standard "
                 f"deviations, and {', '.join(common)} of {model.name} have {count}; name the model of the batch"
             )
-    return trend_of([one for one, _ in pairs], [values for _, values in pairs], model.without_tolerances)
+    found = trend_of([one for one, _ in pairs], [values for _, values in pairs], model.without_tolerances)
+    return replace(found, notes=said)

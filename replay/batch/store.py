@@ -287,19 +287,15 @@ class StoredFit(Table):
     noise: SixOrNull
     cutoff_hz: Positive
     signature: Annotated[tuple[int, ...], expected("a list of whole numbers")] = ()
-    seconds: OrNull = None
+    span: tuple[Time, Time] | None = None
 
 
 def fit_json(found: FlightValues, one: FollowedFlight) -> dict[str, Any]:
     """The values of a flight, and what identifies it."""
     values = entries(found, "effects", "theta", "std", "at_bound", "left")
+    values |= entries(one, "noise", "cutoff_hz", "signature", "span")
     about = {"name": one.flight.name, "file": one.flight.path.name, "sha256": one.flight.content_hash}
-    return {
-        **values,
-        **about,
-        "start_ns": one.flight.start_ns,
-        **entries(one, "noise", "cutoff_hz", "signature", "seconds"),
-    }
+    return {**values, **about, "start_ns": one.flight.start_ns}
 
 
 def from_fit_json(text: str, where: str) -> tuple[FollowedFlight, FlightValues]:
@@ -312,4 +308,5 @@ def from_fit_json(text: str, where: str) -> tuple[FollowedFlight, FlightValues]:
     flight = Flight(body.name, Path(body.file), body.sha256, body.start_ns)
     theta, std, left, noise = (np.array(v, dtype=float) for v in (body.theta, body.std, body.left, body.noise))
     found = FlightValues(body.effects, theta, std, body.at_bound, left)
-    return FollowedFlight(flight, (), noise, body.cutoff_hz, body.signature, body.seconds or 0.0), found
+    span = body.span or (body.start_ns, body.start_ns)
+    return FollowedFlight(flight, (), noise, body.cutoff_hz, body.signature, span), found

@@ -86,9 +86,10 @@ class AllocationExport(Result):
     margins: Margins
 
 
-def _require_known_thrusts(model: Model) -> None:
-    """Raise ModelError where an effect on thrusts is at its limit: it is left out, and a dead motor would be used."""
-    stuck = [one.name for one in model.effects if one.effect.place == "thrusts" and at_limit(one, model.vehicle)]
+def _require_known_rotors(model: Model) -> None:
+    """Raise ModelError where an effect of single rotors is at its limit: it is left out, and a dead motor used."""
+    single = (one for one in model.effects if one.effect.place == "thrusts" and one.effect.sparse)
+    stuck = [one.name for one in single if at_limit(one, model.vehicle)]
     if stuck:
         raise ModelError(
             f"{model.name}: {', '.join(stuck)} is at a limit of what is plausible: its law is wrong, what rotors make "
@@ -130,13 +131,13 @@ def export_allocation(
     UsageError
         Where the folder exists and `force` is not given.
     ModelError
-        For a model without rotors or with an effect on thrusts at its limit, a vehicle that cannot hover as flown, and
-        one of which the corrected allocation would by the model itself make worse what is asked for.
+        For a model without rotors or with one of them at the limit of an effect, a vehicle that cannot hover as flown,
+        and one of which the corrected allocation would by the model itself make worse what is asked for.
     """
     known = model_of(model)
     if folder is not None:
         checked(Path(folder), FILES, force=force, model=known)
-    _require_known_thrusts(known)
+    _require_known_rotors(known)
     problem = allocation_problem(known)
     allocator, left = Allocator(problem), left_by_model(known, problem)
     if left.worse:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from wrenchgap.flight.checks import motion
 from wrenchgap.flight.flight import AXES, Array
 from wrenchgap.learn.identify.add import Addition
 from wrenchgap.learn.identify.bias_and_trim import FlightsApart
@@ -65,8 +66,7 @@ ALIKE = 0.95
 
 def cosine(fit: Fit, first: int, second: int) -> float:
     """Of what two unknowns of a fit do to the prediction, axes weighed as in the fit: at one they do the same."""
-    a, b = (fit.jacobian[:, :, k] * fit.axis_weights for k in (first, second))
-    return float(np.sum(a * b) / max(np.linalg.norm(a) * np.linalg.norm(b), np.finfo(float).tiny))
+    return motion.cosine(*(fit.jacobian[:, :, k] * fit.axis_weights for k in (first, second)))
 
 
 def alike(fit: Fit, vehicle: Vehicle, most: float = ALIKE) -> list[str]:

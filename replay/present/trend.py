@@ -63,7 +63,8 @@ def brief(found: Trend, most: int = ANSWER_LINES - 2) -> list[Part]:
     said = summary(found)
     looks = said[-1:] if places(found) else []
     said = said if len(said) <= most else [*said[: most - 1 - len(looks)], "More parameters changed.", *looks]
-    caveat = [Line(CAVEAT, "dim")] if found.changed or found.scattered else []
+    caveat = [*(Line(text) for text in found.notes)]
+    caveat += [Line(CAVEAT, "dim")] if found.changed or found.scattered else []
     if (pair := found.at_once) is not None:
         first, second = (found.names[k] for k in pair)
         twice = f"{first} and {second} were flown at the same time: one flight in two logs counts twice; leave one out."
@@ -214,7 +215,7 @@ def notes(found: Trend) -> list[str]:
             flights = ", ".join(found.names[k] for k in p.at_limit)
             name = f"{p.effect}.{user_name(p.name, found.model.vehicle)}"
             out.append(f"{name} ended at the limit of what is plausible on {flights}")
-    return [*out, *sentences(found.model.notes), *_of_flights(found)]
+    return [*found.notes, *out, *sentences(found.model.notes), *_of_flights(found)]
 
 
 def _of_flights(found: Trend) -> list[str]:

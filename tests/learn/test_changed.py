@@ -455,9 +455,7 @@ def test_a_propeller_only_loses_and_laws_hardly_change():
 
 
 def test_of_an_axis_that_commands_answer_it_is_not_said_that_a_flight_is_louder():
-    """What is left there is what the air was like: three times as much on M_z said that no effect of the catalogue was
-    it, beside a weak rotor that explained the rest.
-    """
+    """What is left there is what the air was like: it made `unknown` of a weak rotor that explained the rest."""
     flight = np.repeat([0, 1, 2], 40)
     left = np.random.default_rng(1).normal(size=(120, 6))
     left[80:, [0, 5]] *= 6.0

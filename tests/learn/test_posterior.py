@@ -131,7 +131,7 @@ def test_behind_a_lag_a_candidate_is_what_the_lag_lets_through():
 
 
 def test_a_set_with_lags_is_as_likely_wherever_the_search_for_its_optimum_begins():
-    """Undamped Gauss-Newton steps ended elsewhere from each of these, hundreds of nats apart."""
+    """Steps that are not damped end elsewhere from each of these, hundreds of nats apart."""
     model = wg.load_model("crazyflie")
     hidden = {"command_delay": [0.02], "motor_lag": [0.05], "thrust_curve": [0.3, 0.5]}
     true = model.with_effects([make_effect(model.vehicle, name, values) for name, values in hidden.items()])
@@ -144,7 +144,7 @@ def test_a_set_with_lags_is_as_likely_wherever_the_search_for_its_optimum_begins
     found = []
     for delay, lag, curve in ((0.0, 0.0, [0.0, 0.0]), (0.06, 0.0, [0.5, 0.0]), (0.05, 0.2, [-0.5, 0.0])):
         begin = dict(zip(hidden, (np.array([delay]), np.array([lag]), np.array(curve)), strict=True))
-        scorer = joint_optimum(on, lines, begin, lambda s: Scorer(s, space.sensor), space.factors)
+        scorer = joint_optimum(on, lines, begin, space.sensor, space.factors)
         found.append(scorer(tuple(hidden)))
         for name, values in hidden.items():
             np.testing.assert_allclose(found[-1].theta[name], values, atol=0.05 * space.columns[name].scale.max())

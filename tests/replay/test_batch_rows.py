@@ -16,7 +16,6 @@ from wrenchgap.replay.batch import driver, sources
 from wrenchgap.replay.batch.fleet import trend_of_rows
 from wrenchgap.replay.batch.store import Store
 from wrenchgap.replay.batch.tasks import Plan, Task, model_text, work
-from wrenchgap.replay.present import trend
 
 
 @pytest.fixture(scope="module")
@@ -202,12 +201,13 @@ def test_a_row_whose_lists_are_millions_long_is_refused_before_they_are_unfolded
 def test_a_trend_is_in_the_order_of_clocks_only_where_they_know_the_day(rows, epoch, order):
     """Seconds since power-on put a flight of the fourth day before one of the first: a step was told, backwards."""
     for k, path in enumerate(rows):
-        fitted(start_ns=(epoch + 20 - 10 * k) * 10**9)(path)
+        start = (epoch + 20 - 10 * k) * 10**9
+        fitted(start_ns=start, span=[start, start + 4 * 10**9])(path)
     found = trend_of_rows(Store(str(rows[0].parents[4])), wg.load_model("crazyflie"))
     names = {json.loads(pq.ParquetFile(p).read().to_pylist()[0]["fit"])["name"]: k for k, p in enumerate(rows)}
     first, second = (order if names["flight0"] == 0 else order[::-1]) if epoch else order
     assert list(found.names) == [first, second]
-    assert any("order of their logs' names" in note for note in trend.notes(found)) == (epoch == 0)
+    assert any("order of their logs' names" in note for note in found.notes) == (epoch == 0)
 
 
 def test_a_flight_under_two_names_counts_once_in_a_trend(rows, done):

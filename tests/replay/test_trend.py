@@ -174,9 +174,12 @@ def test_one_flight_and_one_flight_twice_are_refused(season, refused):
 def test_flights_at_the_same_time_are_asked_about(found):
     """One flight that two loggers recorded counts twice: by the calendars of their clocks, where they have any."""
 
+    def span(start):
+        return int(1e9 * start), int(1e9 * start + 20e9)
+
     def with_starts(*starts):
         flights = [
-            replace(one, flight=replace(one.flight, start_ns=int(1e9 * start)), seconds=20.0)
+            replace(one, flight=replace(one.flight, start_ns=int(1e9 * start)), span=span(start))
             for one, start in zip(found.flights, starts, strict=True)
         ]
         return "\n".join(str(part) for part in brief(replace(found, flights=tuple(flights))))

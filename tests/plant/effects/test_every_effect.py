@@ -85,12 +85,12 @@ def test_without_sensor_effects_the_imu_reads_the_motion(bench):
 ADDED = sorted(n for n, e in {**catalogue(), **part_effects()}.items() if e.place == "wrench")
 
 
-def evaluated(bench, name, theta, seed, *, thrust=1.0, speed=1.0):
-    """The wrench that an effect adds in a random state, at so many times the thrusts, or the speeds."""
+def evaluated(bench, name, theta, seed, *, thrust=1.0, speed=1.0, tilt=0.0):
+    """The wrench that an effect adds in a random state, at so many times the thrusts or speeds, arms tilted further."""
     state, commands = bench.moving(seed)
     model = bench.model(name, {})
     act, rotors = model.rotors(commands, state, model.rates(commands, bench.dt)[0])
-    act = replace(act, rotor_speed=speed * act.rotor_speed, thrust=thrust * act.thrust)
+    act = replace(act, tilt=act.tilt + tilt, rotor_speed=speed * act.rotor_speed, thrust=thrust * act.thrust)
     return model.addition(replace(model.effects[0], theta=theta), act, thrust * rotors, state)
 
 
@@ -113,4 +113,4 @@ def test_an_effect_depends_on_no_more_than_it_says(bench, name):
     if own.depends_on != "thrusts":
         assert np.array_equal(evaluated(bench, name, theta, 2, thrust=1.3), usual)
     if own.depends_on == "state":
-        assert np.array_equal(evaluated(bench, name, theta, 2, speed=0.7), usual)
+        assert np.array_equal(evaluated(bench, name, theta, 2, speed=0.7, tilt=0.2), usual)
