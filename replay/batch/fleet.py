@@ -101,7 +101,7 @@ def _in_order(read: Sequence[tuple[str, Followed]]) -> tuple[list[Followed], tup
     once = [(log, pair) for log, pair in read if log not in repeats]
     order = by_date([one.span for _, (one, _) in once])
     if order is None:
-        said.append("Flights are in the order of their logs' names: not every log says on which day it began.")
+        said.append("Flights are in the order of their logs' names: by their clocks some have no date, or overlap.")
         order = sorted(range(len(once)), key=lambda k: [natural(Path(part)) for part in Path(once[k][0]).parts])
     return [once[k][1] for k in order], tuple(said)
 

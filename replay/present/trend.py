@@ -67,7 +67,10 @@ def brief(found: Trend, most: int = ANSWER_LINES - 2) -> list[Part]:
     caveat += [Line(CAVEAT, "dim")] if found.changed or found.scattered else []
     if (pair := found.at_once) is not None:
         first, second = (found.names[k] for k in pair)
-        twice = f"{first} and {second} were flown at the same time: one flight in two logs counts twice; leave one out."
+        twice = (
+            f"By their clocks {first} and {second} were flown at the same time: one flight in two logs, which counts "
+        )
+        twice += "twice, or clocks that begin anew with each flight?"
         caveat.insert(0, Line(twice, "yellow"))
     shown = season.health(found) if found.by_part else overview(found)
     return [*(Line(text, "bold") for text in said), *caveat, Line(), shown]

@@ -190,4 +190,4 @@ def test_flights_at_the_same_time_are_asked_about(found):
     assert "at the same time" not in with_starts(*[days[0]] * len(days))  # a simulator's
     days[1] = days[0] + 15.0
     first, second = found.names[:2]
-    assert f"{first} and {second} were flown at the same time" in with_starts(*days)
+    assert f"By their clocks {first} and {second} were flown at the same time" in with_starts(*days)
