@@ -132,7 +132,7 @@ class ParquetReader(TableReader):
             with pyarrow.parquet.ParquetFile(self.path) as file:
                 _count(file.metadata, self.account)
                 texts = [leaf.path for leaf in _leaves(file.metadata) if leaf.physical_type == "BYTE_ARRAY"]
-            table = pyarrow.parquet.read_table(self.path, read_dictionary=texts)
+            table = pyarrow.parquet.read_table(self.path, read_dictionary=texts, use_threads=False)
             frame = _plain(table, self.account).to_pandas(ignore_metadata=True)  # which may say anything
         except (pyarrow.ArrowException, OSError, ValueError) as error:
             raise LogError(f"{self.path}: not a readable Parquet table ({one_line(error)})") from error

@@ -100,6 +100,18 @@ def test_a_battery_of_one_voltage_is_said():
     assert "15.9 V in all 2400 samples" in said(flown(volts=15.9))["constant-channel"].words
 
 
+def test_a_voltmeter_that_stops_in_flight_is_said_and_one_that_rests_before_or_after_it_is_not():
+    def with_voltage(flight, keeps):
+        volts = flight.battery.voltage
+        return replace(flight, battery=replace(flight.battery, voltage=np.where(keeps, volts[np.argmax(keeps)], volts)))
+
+    found = said(with_voltage(flown(), TIME >= 9.0))["constant-channel"].words
+    assert found.startswith("battery voltage: 15.8")
+    assert "V from 9.0 s to 24.0 s, where motors run" in found
+    assert not said(with_voltage(flown(landed=18.0), TIME >= 18.0)).keys()
+    assert not said(with_voltage(flown(), TIME < 9.0)).keys()
+
+
 def test_rotors_that_stop_at_one_value_are_said_and_full_throttle_is_not():
     found = said(flown(speeds=lambda v: np.minimum(v, 630.0)))["clipped"]
     assert found.words.startswith("the commands of 4 rotors stop at 630, one or more of them in ")
