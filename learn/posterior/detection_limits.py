@@ -24,9 +24,11 @@ from wrenchgap.learn.data.blocks import SIGNIFICANCE, common_variance, needed, p
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.data.prediction import Evaluator
 from wrenchgap.learn.identify.fit import MATERIAL
+from wrenchgap.learn.posterior.joint_search import alias_weight, aliases
 from wrenchgap.learn.posterior.linear_problem import LinearProblem
+from wrenchgap.learn.posterior.posterior import predict_the_same
 from wrenchgap.learn.posterior.score import Keys, Scorer
-from wrenchgap.learn.posterior.scored_sets import GROWTH, Rule, bootstrapped, by_axis, parts_of
+from wrenchgap.learn.posterior.scored_sets import GROWTH, Rule, bootstrapped, by_axis, parts_of, scored_set
 from wrenchgap.learn.posterior.spectrum import Spectrum
 from wrenchgap.learn.posterior.subset_search import SubsetSearch
 from wrenchgap.plant.effects import family, find
@@ -203,7 +205,17 @@ class Injections:
             return self.names(rough), math.nan
         if self.silent is not None and (lost := self.not_needed(scorer, self.silent)):
             return self.names([k for k in lost if k != self.key]), math.nan
+        if self.silent is not None and (alike := self.alike(scorer)):
+            return alike, math.nan
         return (), float(scorer.deviations(scored[0])[self.key][self.index])
+
+    def alike(self, scorer: Scorer) -> tuple[str, ...]:
+        """Effects that would make the same, to all that these flights show."""
+        own, least = scored_set(scorer, self.own, rule=self.rule), self.seldom
+        others = [k for k in aliases(scorer, own.scored) if self.key not in k]
+        close = [k for k in others if alias_weight(scorer, scorer(k), own.scored) >= least]
+        same = [k for k in close if predict_the_same(own, scored_set(scorer, k, rule=self.rule), scorer)]
+        return self.instead(same)
 
     def likeliest_without(self, search: SubsetSearch) -> list[Keys]:
         """`WEIGHED` sets without the effect, the likeliest first."""

@@ -120,40 +120,49 @@ def by_weight(sets: Sequence[ScoredSet]) -> tuple[tuple[ScoredSet, float], ...]:
 def with_aliases(
     on: ModelResidual, linear: Scorer, weighed: Sequence[tuple[ScoredSet, float]], jobs: int
 ) -> tuple[tuple[ScoredSet, float], ...]:
-    """The same, with those beside the heaviest set that predict the same with another effect, of no more parameters, in
-    the place of one; of an effect with more parameters, those count that are large enough for a name: two opposite
-    rotors that lose as much are no better a reason than less thrust and a yaw torque.
-
-    Beside it they weigh by their fit and price alone: how wide the priors of their parameters are is no finding, and a
-    centre of mass that is low, and in the middle, loses nothing for the places across that it could have had.
-    """  # noqa: D205
+    """The same, with those `aliases` of the heaviest set that predict the same: they weigh by `alias_weight`."""
     heaviest, share = weighed[0]
-    columns, price = linear.spectrum.columns, linear.spectrum.settings.price
+    begun = [(keys, [linear(keys).theta[k] for k in keys]) for keys in aliases(linear, heaviest.scored)]
+    found = [one for one in relinearised_sets(on, linear, begun, jobs, bends=heaviest.bends).values() if one]
+    alike = {one.keys: one for one in found if predict_the_same(heaviest, one, linear)}
+    weight = {one.keys: share for one, share in weighed}
+    for keys, one in alike.items():
+        least = share * alias_weight(linear, one.scored, heaviest.scored)
+        weight[keys] = max(weight.get(keys, 0.0), least)
+    sets = {one.keys: one for one, _ in weighed} | alike
+    total = sum(weight.values())
+    return tuple(sorted(((one, weight[keys] / total) for keys, one in sets.items()), key=lambda pair: -pair[1]))
 
-    def fitted(one: ScoredSet) -> float:
-        return one.scored.log_probability - one.scored.prior - price * sum(linear.kinds[k] for k in one.keys)
+
+def aliases(linear: Scorer, heaviest: Scored) -> list[Keys]:
+    """The sets with another effect that is known to look like it, of no more parameters, in the place of one; of an
+    effect with more parameters, those count that are large enough for a name: two opposite rotors that lose as much are
+    no better a reason than less thrust and a yaw torque.
+    """  # noqa: D205
+    columns = linear.spectrum.columns
 
     def large(one: Scored, key: str) -> int:
         return int(np.sum(np.abs(one.theta[key]) >= MATERIAL * columns[key].scale))
 
     def no_more(keys: Keys, gone: str, new: str) -> bool:
         fewer = columns[new].scale.size <= columns[gone].scale.size
-        return fewer or large(linear(keys), new) <= large(heaviest.scored, gone)
+        return fewer or large(linear(keys), new) <= large(heaviest, gone)
 
     swaps = [(gone, new) for gone in heaviest.keys for new in confused(gone, columns)]
-    swapped = dict.fromkeys(
-        keys for pair in swaps for keys in exchanges(heaviest.keys, pair, columns) if no_more(keys, *pair)
-    )
-    begun = [(keys, [linear(keys).theta[k] for k in keys]) for keys in swapped]
-    found = [one for one in relinearised_sets(on, linear, begun, jobs, bends=heaviest.bends).values() if one]
-    alike = {one.keys: one for one in found if predict_the_same(heaviest, one, linear)}
-    weight = {one.keys: share for one, share in weighed}
-    for keys, one in alike.items():
-        least = share * math.exp(min(fitted(one) - fitted(heaviest), 0.0))
-        weight[keys] = max(weight.get(keys, 0.0), least)
-    sets = {one.keys: one for one, _ in weighed} | alike
-    total = sum(weight.values())
-    return tuple(sorted(((one, weight[keys] / total) for keys, one in sets.items()), key=lambda pair: -pair[1]))
+    swapped = (k for pair in swaps for k in exchanges(heaviest.keys, pair, columns) if no_more(k, *pair))
+    return list(dict.fromkeys(swapped))
+
+
+def alias_weight(linear: Scorer, alias: Scored, heaviest: Scored) -> float:
+    """The weight of a set that predicts the same, where the heaviest has 1: by fit and price alone. How wide the priors
+    of parameters are is no finding, and a centre of mass that is low, and in the middle, loses nothing for the places
+    across that it could have had.
+    """  # noqa: D205
+    fits = [
+        one.log_probability - one.prior - linear.spectrum.settings.price * sum(linear.kinds[k] for k in one.keys)
+        for one in (alias, heaviest)
+    ]
+    return math.exp(min(fits[0] - fits[1], 0.0))
 
 
 def sets_to_relinearise(linear: Scorer, ranked: Sequence[Scored]) -> list[Keys]:
