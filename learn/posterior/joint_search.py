@@ -9,12 +9,13 @@ names             sets by what they name, and the classes that they form       `
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from wrenchgap.flight.arguments import Progress, silent
+from wrenchgap.flight.flight import Array
 from wrenchgap.learn.identify.fit import MATERIAL
 from wrenchgap.learn.posterior.columns import Column, compatible, confused
 from wrenchgap.learn.posterior.posterior import (
@@ -78,6 +79,8 @@ def joint_search(on: ModelResidual, linear: Scorer, *, jobs: int = 1, tell: Prog
     heavy = [one for one, share in last.weighed if share > LIGHT]
     joint, bends = with_known_rests(on, linear, heavy, last.joint, jobs)
     weighed = with_aliases(on, linear, by_weight(sets_to_weigh(last.lines, joint, bends)), jobs)
+    rests = {leaf.keys for one, _ in weighed[:FEW] for leaf, _ in one.leaves if leaf.keys} - joint.keys()
+    joint |= relinearised_sets(on, linear, beginning(linear, sorted(rests)), jobs)
     wholes = tuple(with_leaves_of(joint, one) for one, _ in weighed[:FEW])
     kept = [replace(one, leaves=equivalents_without_idle(linear, one)) for one in wholes]
     sets = merged_by_names((*kept, *(one for one, _ in weighed[FEW:])), [share for _, share in weighed])
@@ -87,8 +90,7 @@ def joint_search(on: ModelResidual, linear: Scorer, *, jobs: int = 1, tell: Prog
 
 def next_round(on: ModelResidual, linear: Scorer, last: Round, jobs: int, *, settling: bool) -> Round:
     """Linearise what the last round asked for, weigh all that came close, and ask for more."""
-    begun = [(keys, [linear(keys).theta[k] for k in keys]) for keys in last.next]
-    joint = {**last.joint, **relinearised_sets(on, linear, begun, jobs)}
+    joint = {**last.joint, **relinearised_sets(on, linear, beginning(linear, last.next), jobs)}
     around, nearby = last.around, last.nearby
     wanted: list[Keys] = []
     known = [c for c in joint.values() if c is not None]
@@ -112,6 +114,11 @@ def next_round(on: ModelResidual, linear: Scorer, last: Round, jobs: int, *, set
     return Round(joint, around, nearby, lines, weighed, new)
 
 
+def beginning(linear: Scorer, sets: Iterable[Keys]) -> list[tuple[Keys, list[Array]]]:
+    """Sets with the values at which they fit best as straight lines, where linearising them anew begins."""
+    return [(keys, [linear(keys).theta[k] for k in keys]) for keys in sets]
+
+
 def by_weight(sets: Sequence[ScoredSet]) -> tuple[tuple[ScoredSet, float], ...]:
     """Sets with their weights, the heaviest first."""
     return tuple(sorted(zip(sets, weights(sets).tolist(), strict=True), key=lambda pair: -pair[1]))
@@ -122,7 +129,7 @@ def with_aliases(
 ) -> tuple[tuple[ScoredSet, float], ...]:
     """The same, with those `aliases` of the heaviest set that predict the same: they weigh by `alias_weight`."""
     heaviest, share = weighed[0]
-    begun = [(keys, [linear(keys).theta[k] for k in keys]) for keys in aliases(linear, heaviest.scored)]
+    begun = beginning(linear, aliases(linear, heaviest.scored))
     found = [one for one in relinearised_sets(on, linear, begun, jobs, bends=heaviest.bends).values() if one]
     alike = {one.keys: one for one in found if predict_the_same(heaviest, one, linear)}
     weight = {one.keys: share for one, share in weighed}
@@ -229,7 +236,7 @@ def with_leaves_of(joint: Joint, whole: ScoredSet) -> ScoredSet:
     them, their odds count to the power 1 / d: of two that are both wrong, the one that is less so need not be there.
     As it was where one of the sets that remain was not linearised.
     """  # noqa: D205
-    known = [joint.get(leaf.keys) for leaf, _ in whole.leaves]
+    known = [joint.get(leaf.keys) if leaf.keys else leaf for leaf, _ in whole.leaves]
     there = [one for one in known if one is not None]
     if len(there) < len(known):
         return whole
