@@ -51,7 +51,8 @@ class DetectionLimit:
     """The smallest change of a parameter that would have been firm, all else being as it was found.
 
     `size` in `unit`, with the sign of the larger plausible change; NaN where no plausible size, up to `plausible`,
-    would have been firm. Then `instead` are effects that could make the same; none where it is too weak.
+    would have been firm. Then `instead` are effects that could make the same; none where it is too weak. `where` are
+    the values, by name, that parameters have of which nothing is seen without it: the height of the ground, say.
     """
 
     effect: str
@@ -60,6 +61,7 @@ class DetectionLimit:
     size: float
     plausible: float
     instead: tuple[str, ...] = ()
+    where: tuple[tuple[str, float], ...] = ()
 
     @property
     def shown(self) -> bool:
@@ -89,11 +91,14 @@ def detection_limits(
         if of is not None and key not in of:
             continue
         beside = tuple(k for k in named if k in search.others[key])
-        for index, parameter in enumerate(find(key).parameters(vehicle)):
+        parameters = find(key).parameters(vehicle)
+        theta = zip(parameters, columns[key].theta, strict=True)
+        where = tuple((p.name, float(value)) for p, value in theta if not p.alone)
+        for index, parameter in enumerate(parameters):
             if parameter.alone:
                 one = Injections(search, rule, key, index, beside, silent, vehicle)
                 size, instead = one.limit()
-                found.append(DetectionLimit(key, parameter.name, parameter.unit, size, one.plausible, instead))
+                found.append(DetectionLimit(key, parameter.name, parameter.unit, size, one.plausible, instead, where))
     return tuple(found)
 
 
@@ -318,8 +323,9 @@ def recoveries(
 
 
 def injection(limit: DetectionLimit, share: float, model: Model) -> Injection:
-    """At a share of a limit; parameters that do nothing by themselves are where fits begin."""
+    """At a share of a limit; parameters that do nothing by themselves are where it says, or where fits begin."""
     parameters = find(limit.effect).parameters(model.vehicle)
-    change = np.array([0.0 if p.alone else p.start for p in parameters])
+    where = dict(limit.where)
+    change = np.array([0.0 if p.alone else where.get(p.name, p.start) for p in parameters])
     change[[p.name for p in parameters].index(limit.parameter)] = share * limit.size
     return Injection(limit.effect, change)

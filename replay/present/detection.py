@@ -151,6 +151,7 @@ def to_json(found: Explanation | Changed) -> dict[str, Any]:
             {
                 **entries(one, "effect", "parameter", "unit", "plausible"),
                 "size": one.size if one.shown else None,
+                "where": dict(one.where),
                 "instead": list(one.instead),
             }
             for one in found.limits

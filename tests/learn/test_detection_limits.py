@@ -68,6 +68,15 @@ def test_parameters_that_are_alone_do_something_alone(tumbling, hexarotor, effec
         assert np.abs(added(tumbling, hexarotor, one)).max() > 1e-3
 
 
+def test_an_effect_is_injected_where_its_limit_was_found(tumbling, hexarotor):
+    """A tether's force has a torque about its point: the limit of a force says which point that was."""
+    force = DetectionLimit("tether", "force_x", "N", 0.5, 5.0, where=(("point_z", 0.2),))
+    np.testing.assert_allclose(
+        added(tumbling, hexarotor, injection(force, 1.0, hexarotor)),
+        added(tumbling, hexarotor, Injection("tether", np.array([0.5, 0.0, 0.0, 0.0, 0.0, 0.2]))),
+    )
+
+
 def test_an_injected_mass_takes_its_share_of_the_force(plain, hexarotor):
     """A vehicle that is heavier by d has m / (m + d) of the specific force, which is measured as force with m."""
     more, mass = 0.3, hexarotor.vehicle.body.mass
