@@ -194,6 +194,11 @@ def test_what_remains_of_a_set_weighs_as_it_is_where_it_was_linearised(made):
         assert more / less == pytest.approx(odds)
         assert more + less == pytest.approx(1.0)
         assert with_leaves_of({lag: joint[lag]}, one) is one
+        nothing = with_probability((), 100.0)  # has no straight lines that could be wrong
+        with_nothing = replace(one, leaves=((scored_set(scorer, lag), 0.5), (nothing, 0.5)))
+        (first, more), (second, less) = with_leaves_of({lag: joint[lag]}, with_nothing).leaves
+        assert (first, second) == (joint[lag], nothing)
+        assert more / less == pytest.approx(odds)
 
 
 def test_an_idle_member_is_no_reason_for_one_name_rather_than_another(made):
