@@ -1,4 +1,4 @@
-"""A centre of mass that moves between flights, told from rotors that get weak one by one."""
+"""What changes the thrust of all rotors, told from rotors that get weak one by one: a centre of mass that moves."""
 
 from dataclasses import dataclass
 
@@ -19,6 +19,16 @@ class MovedCentre:
     first: int
     last: int
     share: float
+
+
+def all_alike(thrusts: Array) -> bool:
+    """Whether relative thrusts (n, R) change by what all rotors have in common, and not one by one.
+
+    That is all of the squares where all change alike, and 1 / R of them where one rotor of R is weak: half-way counts.
+    """
+    change = thrusts - thrusts.mean(axis=0)
+    rotors, common = thrusts.shape[1], change.mean(axis=1)
+    return bool(rotors * np.sum(common**2) > 0.5 * (1.0 + 1.0 / rotors) * np.sum(change**2))
 
 
 def moved_centre(thrusts: Array, vehicle: Vehicle) -> MovedCentre | None:

@@ -25,7 +25,7 @@ from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.timing import timing_of, unfollowed_axes
 from wrenchgap.learn.identify.fit import fit
 from wrenchgap.learn.identify.least_squares import MISFIT
-from wrenchgap.learn.identify.moved_centre import MovedCentre, moved_centre
+from wrenchgap.learn.identify.moved_centre import MovedCentre, all_alike, moved_centre
 from wrenchgap.learn.identify.steps_and_drift import Course, Verdict, course
 from wrenchgap.plant.effects import Parameter, find, require_force
 from wrenchgap.plant.model import Model
@@ -123,13 +123,26 @@ class Trend(Result):
         return tuple(f.flight.name for f in self.flights)
 
     @property
+    def rotors(self) -> tuple[ParameterTrend, ...]:
+        """The thrusts of single rotors that changed, the most significant first."""
+        return tuple(p for p in (*self.changed, *self.scattered) if p.effect in ROTORS)
+
+    @property
+    def thrusts(self) -> Array:
+        """Of the rotors (n, R), relative to the model's."""
+        return np.array([p.values for p in self.parameters if p.effect in ROTORS]).reshape(-1, len(self.flights)).T
+
+    @property
+    def all_rotors(self) -> bool:
+        """Whether what the thrusts of several rotors change by is common to all."""
+        return len(self.rotors) > 1 and all_alike(self.thrusts)
+
+    @property
     def moved_centre(self) -> MovedCentre | None:
         """What makes thrusts of several rotors that do not tilt change together; None where it does not."""
-        changed = [p for p in (*self.changed, *self.scattered) if p.effect in ROTORS]
-        if len(changed) < 2 or self.model.vehicle.geometry()[0].tilts.any():
+        if len(self.rotors) < 2 or self.model.vehicle.geometry()[0].tilts.any():
             return None
-        thrusts = np.array([p.values for p in self.parameters if p.effect in ROTORS]).T
-        return moved_centre(thrusts, self.model.vehicle)
+        return moved_centre(self.thrusts, self.model.vehicle)
 
     @property
     def by_part(self) -> bool:

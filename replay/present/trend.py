@@ -84,10 +84,14 @@ def summary(found: Trend) -> list[str]:
     if not found.changed and not found.scattered:
         return [f"Nothing changed over these {count} flights beyond the scatter between them."]
     first = [] if found.changed else [f"Whether by a step or a drift, {count} flights do not tell."]
-    said, looks = [sentence(p, found) for p in (*found.changed, *found.scattered)], places(found)
+    rotors, looks = found.rotors, places(found)
+    alike = rotors if found.all_rotors else ()
+    said = [sentence(p, found) for p in (*found.changed, *found.scattered) if p not in alike]
     inspect = [f"Look at: {', '.join(looks)}."] if looks else []
-    rotors = [p for p in (*found.changed, *found.scattered) if p.effect == "rotor_thrust"]
-    if 2 * len(rotors) > sum(p.effect == "rotor_thrust" for p in found.parameters) > 3:
+    if alike:
+        said.insert(0, f"All rotors alike, as {sentence(alike[0], found)}")
+        inspect = ["Look at: the weight, the battery and its voltage, the air, and whether the accelerometer reads g."]
+    elif 2 * len(rotors) > found.thrusts.shape[1] > 3:
         one = f"{len(rotors)} rotors changed: likelier by one cause than each; `wrenchgap changed` looks for it."
         inspect = [f"{one} Look at: {looks[0]} first."]
     if (moved := found.moved_centre) is not None:

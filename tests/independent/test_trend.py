@@ -12,7 +12,7 @@ from tests.independent.flown_quadrotor import MODEL as QUADROTOR
 from tests.independent.flown_quadrotor import Case
 from tests.independent.flown_quadrotor import fly as fly_quadrotors
 from wrenchgap.flight.errors import FitError, UsageError
-from wrenchgap.learn.identify.moved_centre import moved_centre
+from wrenchgap.learn.identify.moved_centre import all_alike, moved_centre
 from wrenchgap.learn.identify.steps_and_drift import Verdict
 from wrenchgap.learn.identify.trend import TRIMS, trend
 from wrenchgap.replay.present.trend import summary
@@ -90,6 +90,18 @@ def test_rotors_that_change_together_are_a_moved_centre_of_mass():
     assert last.startswith("Look at: the battery and what is mounted; then ")
     weak = [Case(f"w{k}", excited=0.1, seed=k, seconds=12.0, blades=(0.85, 1.0, 1.0, 1.0)) for k in (3, 4)]
     assert wg.trend(wg.open_flights(fly_quadrotors([*before, *weak]), QUADROTOR), QUADROTOR).moved_centre is None
+
+
+def test_rotors_that_all_lose_alike_are_no_single_rotor():
+    """Thinner air, a heavier vehicle or an accelerometer that reads less: all four by 4 %."""
+    cases = [Case(f"c{k}", excited=0.1, seed=k, seconds=12.0, blades=(1.0 if k < 3 else 0.96,) * 4) for k in range(6)]
+    found = wg.trend(wg.open_flights(fly_quadrotors(cases), QUADROTOR), QUADROTOR)
+    assert found.all_rotors
+    first, last = summary(found)
+    assert re.match(r"All rotors alike, as rotor_thrust M\d steps: -(3\.[5-9]|4\.[0-5]) % from flight 4 ", first)
+    assert last.startswith("Look at: the weight, the battery and its voltage, the air, and whether the accelerometer")
+    assert all_alike(np.array([np.zeros(4), np.full(4, -0.1)]))
+    assert not all_alike(np.array([np.zeros(4), [-0.1, 0.0, 0.0, 0.0]]))
 
 
 def test_of_most_rotors_one_cause_is_likelier_than_as_many():
