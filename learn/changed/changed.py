@@ -41,8 +41,9 @@ from wrenchgap.learn.diagnose.timing import FlightTiming, timing_of, unfollowed_
 from wrenchgap.learn.identify.bias_and_trim import WORTH, scatter_between, typical_trim
 from wrenchgap.learn.identify.least_squares import left_by
 from wrenchgap.learn.parallel import cores, one_thread
-from wrenchgap.learn.posterior.detection_limits import DetectionLimit, Injection, Recovery, detection_limits, recoveries
+from wrenchgap.learn.posterior.detection_limits import DetectionLimit, detection_limits
 from wrenchgap.learn.posterior.discriminating_tests import Check
+from wrenchgap.learn.posterior.injection import Injection, Recovery, recoveries
 from wrenchgap.learn.posterior.posterior import EquivalenceClass
 from wrenchgap.learn.posterior.sensor_causes import made_by_another_filter
 from wrenchgap.learn.posterior.settings import CHANGES

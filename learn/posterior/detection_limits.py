@@ -10,7 +10,8 @@ deviations more.
 A lag is no straight line: through what it adds at the size t0 where it was linearised goes the parabola
 J t + c (2 t/t0 - (t/t0)^2), J its derivative there and c what the straight line lacks, and its secant is injected.
 
-Whether limits hold is checked by adding effects to the flights as measured (`Injection`), and searching again.
+What is firm in products need not be on the axes where commands answer the motion: there a limit is confirmed with the
+effect in what the flights measured (`learn.posterior.injection`), where searches are repeated too.
 """
 
 import math
@@ -21,8 +22,6 @@ import numpy as np
 
 from wrenchgap.flight.flight import Array, Mask
 from wrenchgap.learn.data.blocks import SIGNIFICANCE, common_variance, needed, paired_t, significant
-from wrenchgap.learn.data.measurement import Record
-from wrenchgap.learn.data.prediction import Evaluator
 from wrenchgap.learn.identify.fit import MATERIAL
 from wrenchgap.learn.posterior.joint_search import alias_weight, aliases
 from wrenchgap.learn.posterior.linear_problem import LinearProblem
@@ -32,9 +31,7 @@ from wrenchgap.learn.posterior.scored_sets import GROWTH, Rule, bootstrapped, by
 from wrenchgap.learn.posterior.spectrum import Spectrum
 from wrenchgap.learn.posterior.subset_search import SubsetSearch
 from wrenchgap.plant.effects import family, find
-from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import Vehicle
-from wrenchgap.plant.wrench_model import ModelEffect
 
 ADVERSE = 1.28
 """Standard deviations by which noise may have made an effect look smaller: of ten logs like this, one has more."""
@@ -42,8 +39,6 @@ WEIGHED = 4
 """Likeliest sets without the effect that are weighed against the one with it."""
 RATIO, STRIDE = 1.1, 5
 """Between two sizes that are tried, the resolution of a limit; so many are passed over until the first that is firm."""
-SHARES = (1.0, 0.5)
-"""Of its limit at which an effect is injected, in turn: there it should be firm; at half of it, no other should be."""
 
 
 @dataclass(frozen=True)
@@ -76,12 +71,14 @@ def detection_limits(
     rule: Rule = GROWTH,
     silent: Mask | None = None,
     of: Sequence[str] | None = None,
+    flown: Callable[[DetectionLimit], Scorer] | None = None,
 ) -> tuple[DetectionLimit, ...]:
     """Of every effect, or of those in `of`, that stands alone as a candidate and is not `named` already, in any of its
     forms; members of sets are judged by this rule.
 
     With `silent` axes (6,), on which evidence makes no name firm, members are to be needed on blocks of time as well
-    (`learn.posterior.members`); without, the search has no such test (`learn.changed.search`).
+    (`learn.posterior.members`); without, the search has no such test (`learn.changed.search`). With `flown`, which
+    scores the flights with a change in them (`injection.with_injection`), a limit is what is firm there too.
     """  # noqa: D205
     search = SubsetSearch(scorer, scorer(named).variance)
     columns = scorer.spectrum.columns
@@ -98,7 +95,8 @@ def detection_limits(
             if parameter.alone:
                 one = Injections(search, rule, key, index, beside, silent, vehicle)
                 size, instead = one.limit()
-                found.append(DetectionLimit(key, parameter.name, parameter.unit, size, one.plausible, instead, where))
+                limit = DetectionLimit(key, parameter.name, parameter.unit, size, one.plausible, instead, where)
+                found.append(limit if flown is None else one.confirmed(limit, flown))
     return tuple(found)
 
 
@@ -184,15 +182,31 @@ class Injections:
         size = float(sizes[high] + math.copysign(ADVERSE * spread, self.plausible))
         return (size, ()) if abs(size) <= most else (math.nan, ())
 
+    def confirmed(
+        self, limit: DetectionLimit, flown: Callable[[DetectionLimit], Scorer], larger: float = 1.5
+    ) -> DetectionLimit:
+        """The limit as it is firm where it was flown, perhaps some times `larger`; none where it is not."""
+        instead = limit.instead
+        while limit.shown and abs(limit.size) <= abs(limit.plausible):
+            instead, spread = self.judged(flown(limit), rivals_wanted=True)
+            if math.isfinite(spread):
+                return limit
+            limit = replace(limit, size=larger * limit.size)
+        return replace(limit, size=math.nan, instead=instead)
+
     def tried(self, size: float, *, rivals_wanted: bool = False) -> tuple[tuple[str, ...], float]:
-        """Effects that could make what this size makes, if `rivals_wanted`; the standard deviation of a fit of it, NaN
-        where it would not have been firm.
-        """  # noqa: D205
+        """`judged` where the flights have this size of it."""
         secant = (2.0 - min(abs(size / self.bend), 1.0)) / self.bend if self.bend else 0.0
         space = self.search.space
         row = int(space.parameters[self.key][self.index])
-        scorer = self.search.scorer.on(InjectedSpectrum(space, row, space.offset[self.key], size, secant))
-        search = self.search.on(scorer)
+        injected = InjectedSpectrum(space, row, space.offset[self.key], size, secant)
+        return self.judged(self.search.scorer.on(injected), rivals_wanted=rivals_wanted)
+
+    def judged(self, scorer: Scorer, *, rivals_wanted: bool) -> tuple[tuple[str, ...], float]:
+        """Effects that could make what the flights have, if `rivals_wanted`; the standard deviation of a fit of it, NaN
+        where it would not have been firm.
+        """  # noqa: D205
+        space, search = scorer.spectrum, self.search.on(scorer)
         if not rivals_wanted and search.score(self.own) < search.score(self.found):
             return (), math.nan  # too small, whatever else could make it
         rivals = self.likeliest_without(search)
@@ -260,72 +274,3 @@ class Injections:
             if not (enough if key == self.key else significant(t, large=True)):
                 out.append(key)
         return out
-
-
-@dataclass(frozen=True)
-class Recovery:
-    """What the search said of flights with an effect injected at `share` of its limit: whether it was `firm`, and other
-    names that were, and are not without it.
-    """  # noqa: D205
-
-    effect: str
-    parameter: str
-    unit: str
-    size: float
-    share: float
-    firm: bool
-    others: tuple[str, ...]
-
-    @property
-    def as_stated(self) -> bool:
-        """Whether it was firm where it should be, and no other name was."""
-        return not self.others and (self.firm or self.share < 1.0)
-
-
-@dataclass(frozen=True)
-class Injection:
-    """An effect of which the parameters change by `change` (P,)."""
-
-    effect: str
-    change: Array
-
-    def into(self, records: Sequence[Record], model: Model) -> tuple[Record, ...]:
-        """The records with what it adds to `model`'s prediction in what they measured; commands and motion stay."""
-        changed = ModelEffect(find(self.effect), model.theta(self.effect) + self.change)
-        models = model.with_replaced([changed]).wrench_model, model.wrench_model
-        out = []
-        for record in records:
-            more, given = map(Evaluator(record), models)
-            out.append(replace(record, measured=record.measured + more - given))
-        return tuple(out)
-
-
-def recoveries(
-    limits: Sequence[DetectionLimit],
-    firm: Sequence[str],
-    model: Model,
-    number: int,
-    seed: int,
-    search: Callable[[Injection], Sequence[str]],
-) -> tuple[Recovery, ...]:
-    """Inject effects at their limits, and at half of them, and search again, so many times; limits are drawn by lot.
-
-    `firm` are the names without an injection; `search` returns those with it.
-    """
-    order = np.random.default_rng(seed).permutation([k for k, limit in enumerate(limits) if limit.shown])
-    out = []
-    for limit, share in [(limits[k], share) for k in order for share in SHARES][:number]:
-        own, again = family(limit.effect), search(injection(limit, share, model))
-        others = tuple(n for n in again if n != own and n not in firm)
-        size = share * limit.size
-        out.append(Recovery(limit.effect, limit.parameter, limit.unit, size, share, own in again, others))
-    return tuple(out)
-
-
-def injection(limit: DetectionLimit, share: float, model: Model) -> Injection:
-    """At a share of a limit; parameters that do nothing by themselves are where it says, or where fits begin."""
-    parameters = find(limit.effect).parameters(model.vehicle)
-    where = dict(limit.where)
-    change = np.array([0.0 if p.alone else where.get(p.name, p.start) for p in parameters])
-    change[[p.name for p in parameters].index(limit.parameter)] = share * limit.size
-    return Injection(limit.effect, change)

@@ -51,8 +51,9 @@ from wrenchgap.learn.identify.bias_and_trim import (
 from wrenchgap.learn.identify.fit import Fit, with_fit
 from wrenchgap.learn.identify.least_squares import left_by
 from wrenchgap.learn.parallel import cores, one_thread
-from wrenchgap.learn.posterior.detection_limits import DetectionLimit, Injection, Recovery, detection_limits, recoveries
+from wrenchgap.learn.posterior.detection_limits import DetectionLimit, detection_limits
 from wrenchgap.learn.posterior.disturbance_free import disturbance_free, may_be_disturbance_free, without_feedback
+from wrenchgap.learn.posterior.injection import Injection, Recovery, recoveries, with_injection
 from wrenchgap.learn.posterior.joint_search import FEW, joint_search
 from wrenchgap.learn.posterior.members import Member, fitted, needed_members
 from wrenchgap.learn.posterior.posterior import EquivalenceClass, Posterior, WeighedSets, posterior
@@ -153,6 +154,8 @@ def search_dataset(
     named = {m.name for m in members}
     keys = tuple(k for k in found.best.scored_set.keys if set(found.scorer.spectrum.columns[k].names) & named)
     left, unsure = left_by(data, with_fit(model, whole.fit)), rest.open & (verdict is Verdict.UNKNOWN)
+    flown = with_injection(on, found.scorer) if on.data.answering else None
+    limits = detection_limits(found.scorer, keys, model.vehicle, silent=unsure, of=limits_of, flown=flown)
     return Explanation(
         verdict=verdict,
         members=members,
@@ -168,7 +171,7 @@ def search_dataset(
         apart=flights_apart(data, left, model),
         granted=granted_trims(data, left + unclear_constant(whole.fit.values("constant_wrench")), model),
         given={e.name: e.theta for e in model.effects},
-        limits=detection_limits(found.scorer, keys, model.vehicle, silent=unsure, of=limits_of),
+        limits=limits,
         **vars(rest),
     )
 

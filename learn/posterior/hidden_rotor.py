@@ -2,7 +2,7 @@
 
 A calibration that is wrong (inputs that a log does not carry, say) can make up for damage that it has not seen, and
 then nothing is found missing where a propeller is cut. So a loss of one rotor is added to the measured wrench of the
-flights (`learn.posterior.detection_limits.Injection`), and searched for with both models.
+flights (`learn.posterior.injection`), and searched for with both models.
 """
 
 from collections.abc import Sequence
@@ -17,8 +17,8 @@ from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.timing import answering_axes, timing_of
 from wrenchgap.learn.identify.calibrate import Calibration, Fate, HiddenRotor
-from wrenchgap.learn.posterior.detection_limits import Injection, injection
 from wrenchgap.learn.posterior.explain import Explanation, search_dataset
+from wrenchgap.learn.posterior.injection import Injection, injection
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import Model
 

@@ -7,8 +7,9 @@ from wrenchgap.learn.changed.changed import Changed
 from wrenchgap.learn.data.candidates import Lack
 from wrenchgap.learn.data.input_errors import input_error_notes
 from wrenchgap.learn.health.answers import logger_settings
-from wrenchgap.learn.posterior.detection_limits import DetectionLimit, Recovery
+from wrenchgap.learn.posterior.detection_limits import DetectionLimit
 from wrenchgap.learn.posterior.explain import Explanation
+from wrenchgap.learn.posterior.injection import Recovery
 from wrenchgap.plant.effects import family, find
 from wrenchgap.plant.vehicle import Vehicle
 from wrenchgap.replay.present import statements

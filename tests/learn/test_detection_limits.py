@@ -9,15 +9,9 @@ import pytest
 from wrenchgap.learn.data.candidates import Candidates
 from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.posterior import detection_limits
-from wrenchgap.learn.posterior.detection_limits import (
-    DetectionLimit,
-    InjectedSpectrum,
-    Injection,
-    Recovery,
-    injection,
-    recoveries,
-)
+from wrenchgap.learn.posterior.detection_limits import DetectionLimit, InjectedSpectrum
 from wrenchgap.learn.posterior.explain import search_dataset
+from wrenchgap.learn.posterior.injection import Injection, Recovery, injection, recoveries
 from wrenchgap.learn.posterior.relinearisation import spectrum_of
 from wrenchgap.learn.posterior.score import Scorer
 from wrenchgap.learn.posterior.single_effects import model_residual, single_effects
