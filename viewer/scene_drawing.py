@@ -90,7 +90,7 @@ class Drawing:
 
     def open(self, flight: Scene) -> None:
         """Prepare for a flight: its ground, its path, its arrows."""
-        self.flight, self._along_key = flight, None
+        self._along_key = None
         self._suited = scale_for(flight, self.vehicle, self.size)
         lowest, cell = float(np.nanmin(flight.position_E[:, 2])) - 1.2 * self.size, tidy(self.size)
         self._scene.add_grid(
@@ -112,6 +112,7 @@ class Drawing:
         if flight.reference_position_E is not None:
             pink: Colour = (226, 140, 140)
             self._paths.append(self._path("/world/reference_path", flight.time, flight.reference_position_E, pink, 1.0))
+        self.flight = flight  # at last: until then the page goes on with the one before
 
     def show(self, index: int, shown: Shown) -> None:
         """Move all objects to instant `index`."""

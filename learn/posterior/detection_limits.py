@@ -89,8 +89,8 @@ def detection_limits(
             continue
         beside = tuple(k for k in named if k in search.others[key])
         parameters = find(key).parameters(vehicle)
-        theta = zip(parameters, columns[key].theta, strict=True)
-        where = tuple((p.name, float(value)) for p, value in theta if not p.alone)
+        first = zip(parameters, columns[key].theta, strict=False)  # a second kind of loss may follow (`learn.changed`)
+        where = tuple((p.name, float(value)) for p, value in first if not p.alone)
         for index, parameter in enumerate(parameters):
             if parameter.alone:
                 one = Injections(search, rule, key, index, beside, silent, vehicle)
