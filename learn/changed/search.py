@@ -34,7 +34,7 @@ from wrenchgap.learn.posterior.posterior import (
     posterior,
 )
 from wrenchgap.learn.posterior.score import Keys, Scorer
-from wrenchgap.learn.posterior.scored_sets import Bends, Rule, scored_set, weights
+from wrenchgap.learn.posterior.scored_sets import Rule, scored_set, weights
 from wrenchgap.learn.posterior.subset_search import ordered, searched
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import Model
@@ -47,13 +47,13 @@ more), that calls for new derivatives.
 """
 
 
-def log_odds(scorer: Scorer, keys: Keys, bends: Bends) -> dict[str, float]:
+def log_odds(scorer: Scorer, keys: Keys) -> dict[str, float]:
     """Of a set against the one without each of its changes."""
     whole = scorer(keys).log_probability
     return {gone: whole - scorer(tuple(k for k in keys if k != gone)).log_probability for gone in keys}
 
 
-ODDS = Rule(log_odds, lambda scorer, keys, bends: dict.fromkeys(keys, 1.0), 0.0, math.inf)
+ODDS = Rule(log_odds, lambda scorer, keys: dict.fromkeys(keys, 1.0), 0.0, math.inf)
 """Of sets of changes."""
 
 

@@ -3,7 +3,6 @@
 linear search     sets on the lines of each candidate by itself       `learn.posterior.subset_search`
 rounds            likely sets are linearised where they fit best; where that moves the likeliest, the search is
                   repeated around it; all that came close is weighed, and says what to linearise next
-bends             what the heaviest sets leave without a member, as far as that was linearised
 names             sets by what they name, and the classes that they form       `learn.posterior.posterior`
 """
 
@@ -19,7 +18,6 @@ from wrenchgap.flight.flight import Array
 from wrenchgap.learn.identify.fit import MATERIAL
 from wrenchgap.learn.posterior.columns import Column, compatible, confused
 from wrenchgap.learn.posterior.posterior import (
-    LIGHT,
     WeighedSets,
     equivalence_classes,
     merged_by_names,
@@ -31,11 +29,10 @@ from wrenchgap.learn.posterior.relinearisation import (
     relinearised_sets,
     rest_holds,
     search_around,
-    with_known_rests,
     without_doubtful,
 )
 from wrenchgap.learn.posterior.score import Keys, Scored, Scorer
-from wrenchgap.learn.posterior.scored_sets import STRAIGHT, Bends, ScoredSet, scored_set, shares, shares_of, weights
+from wrenchgap.learn.posterior.scored_sets import ScoredSet, scored_set, shares, shares_of, weights
 from wrenchgap.learn.posterior.single_effects import ModelResidual
 from wrenchgap.learn.posterior.subset_search import ordered, with_fit_discounted
 from wrenchgap.plant.effects import family, find
@@ -76,11 +73,9 @@ def joint_search(on: ModelResidual, linear: Scorer, *, jobs: int = 1, tell: Prog
         last = next_round(on, linear, last, jobs, settling=number >= ROUNDS)
         if not last.next:
             break
-    heavy = [one for one, share in last.weighed if share > LIGHT]
-    joint, bends = with_known_rests(on, linear, heavy, last.joint, jobs)
-    weighed = with_aliases(on, linear, by_weight(sets_to_weigh(last.lines, joint, bends)), jobs)
-    rests = {leaf.keys for one, _ in weighed[:FEW] for leaf, _ in one.leaves if leaf.keys} - joint.keys()
-    joint |= relinearised_sets(on, linear, beginning(linear, sorted(rests)), jobs)
+    weighed = with_aliases(on, linear, last.weighed, jobs)
+    rests = {leaf.keys for one, _ in weighed[:FEW] for leaf, _ in one.leaves if leaf.keys} - last.joint.keys()
+    joint = {**last.joint, **relinearised_sets(on, linear, beginning(linear, sorted(rests)), jobs)}
     wholes = tuple(with_leaves_of(joint, one) for one, _ in weighed[:FEW])
     kept = [replace(one, leaves=equivalents_without_idle(linear, one)) for one in wholes]
     sets = merged_by_names((*kept, *(one for one, _ in weighed[FEW:])), [share for _, share in weighed])
@@ -130,7 +125,7 @@ def with_aliases(
     """The same, with those `aliases` of the heaviest set that predict the same: they weigh by `alias_weight`."""
     heaviest, share = weighed[0]
     begun = beginning(linear, aliases(linear, heaviest.scored))
-    found = [one for one in relinearised_sets(on, linear, begun, jobs, bends=heaviest.bends).values() if one]
+    found = [one for one in relinearised_sets(on, linear, begun, jobs).values() if one]
     alike = {one.keys: one for one in found if predict_the_same(heaviest, one, linear)}
     weight = {one.keys: share for one, share in weighed}
     for keys, one in alike.items():
@@ -292,7 +287,7 @@ def exchanges(keys: Keys, alike: Sequence[str], columns: dict[str, Column]) -> l
     return [k for k in out if compatible(k, columns)]
 
 
-def sets_to_weigh(scored: Lines, joint: Joint, bends: Bends = STRAIGHT) -> list[ScoredSet]:
+def sets_to_weigh(scored: Lines, joint: Joint) -> list[ScoredSet]:
     """The sets to weigh: those linearised together, and of those on lines the likeliest as they are, each once."""
     settings = scored[0][1].spectrum.settings
     again = [c for c in joint.values() if c is not None]
@@ -303,4 +298,4 @@ def sets_to_weigh(scored: Lines, joint: Joint, bends: Bends = STRAIGHT) -> list[
             first.setdefault(s.keys, (s, by))
     others = sorted(first.values(), key=lambda pair: -pair[0].log_probability)[: settings.weighed]
     likely = [(s, by) for s, by in others if s.log_probability > best - settings.behind or not again]
-    return [*again, *(scored_set(by, s.keys, bends=bends) for s, by in likely)]
+    return [*again, *(scored_set(by, s.keys) for s, by in likely)]

@@ -20,7 +20,7 @@ from wrenchgap.learn.identify.least_squares import Problem
 from wrenchgap.learn.parallel import each
 from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.score import Keys, Scorer
-from wrenchgap.learn.posterior.scored_sets import STRAIGHT, Bends, ScoredSet, scored_set
+from wrenchgap.learn.posterior.scored_sets import ScoredSet, scored_set
 from wrenchgap.learn.posterior.single_effects import ModelResidual
 from wrenchgap.learn.posterior.spectrum import Spectrum
 from wrenchgap.learn.posterior.subset_search import search
@@ -41,18 +41,16 @@ def relinearised_set(
     theta: Sequence[Array],
     reference: Array,
     factors: Array,
-    rests: Mapping[Keys, Array] | None = None,
-    bends: Bends = STRAIGHT,
 ) -> ScoredSet | None:
     """The set of these columns, scored with derivatives where it fits best, beginning at `theta`; None where the model
-    refuses it there. Against the noise's `reference`, blocks weighed by `factors`; rests and bends as of `scored_set`.
+    refuses it there. Against the noise's `reference`, blocks weighed by `factors`.
     """  # noqa: D205
     keys: Keys = tuple(c.key for c in columns)
     with threadpool_limits(1, user_api="blas"):
         try:
             begin = dict(zip(keys, theta, strict=True))
             scorer = joint_optimum(ground, columns, begin, reference, factors)
-            return scored_set(scorer, keys, rests, bends)
+            return scored_set(scorer, keys)
         except (ModelError, np.linalg.LinAlgError):  # an inertia that no body has, say
             return None
 
@@ -172,8 +170,6 @@ def relinearised_sets(
     linear: Scorer,
     sets: Sequence[tuple[Keys, Sequence[Array]]],
     jobs: int,
-    rests: Mapping[Keys, Array] | None = None,
-    bends: Bends = STRAIGHT,
 ) -> dict[Keys, ScoredSet | None]:
     """`relinearised_set` of these sets with the values at which they begin, by `jobs` processes."""
     bare = {c: linear.spectrum.columns[c].without_samples() for c in dict.fromkeys(c for k, _ in sets for c in k)}
@@ -181,7 +177,7 @@ def relinearised_sets(
     reference, factors = linear.reference, linear.spectrum.factors
 
     def work(name: str) -> ScoredSet | None:
-        return relinearised_set(on, *by_name[name], reference, factors, rests, bends)
+        return relinearised_set(on, *by_name[name], reference, factors)
 
     return dict(zip([k for k, _ in sets], each(work, list(by_name), jobs, (on.data.root, on.model)), strict=True))
 
@@ -242,33 +238,6 @@ def without_doubtful(heavy: ScoredSet, share: float = 0.25) -> list[Keys]:
     least = SIGNIFICANCE.least_evidence
     doubted = [k for k in heavy.keys if share * least < columns[k].evidence <= least]
     return [rest for gone in doubted if (rest := tuple(k for k in heavy.keys if k != gone))]
-
-
-def with_known_rests(
-    on: ModelResidual, linear: Scorer, heavy: Sequence[ScoredSet], joint: Mapping[Keys, ScoredSet | None], jobs: int
-) -> tuple[dict[Keys, ScoredSet | None], Bends]:
-    """Of heavy sets, the heaviest first, what they leave without each of their members, as it is where those rests were
-    linearised: straight lines of lags, far from where they were taken, can bend into what the member did. Where a set's
-    own rest was not, by as much more as of the heaviest whose was. Returns `joint` with those sets, and how much more
-    that is by member (`ScoredSet.bends`).
-    """  # noqa: D205
-    rests = {keys: c.left for keys, c in joint.items() if c is not None}
-    known = [c for c in heavy if c.keys in joint]
-
-    def again(some: Sequence[ScoredSet], bends: Bends) -> dict[Keys, ScoredSet | None]:
-        begun = [(c.keys, [c.scored.theta[k] for k in c.keys]) for c in some]
-        found = relinearised_sets(on, linear, begun, jobs, rests, bends)
-        return {keys: c for keys, c in found.items() if c is not None}
-
-    doubted = {c.keys: [(rest, *(set(c.keys) - set(rest))) for rest in without_doubtful(c)] for c in known}
-    mine = [c for c in known if any(rest in rests for rest, _ in doubted[c.keys])]
-    first = {**joint, **again(mine, STRAIGHT)}
-    bends: dict[str, Array] = {}
-    for c in reversed(mine):
-        bends |= (first[c.keys] or c).bends
-    others = [c for c in known if c.keys not in {one.keys for one in mine}]
-    theirs = [c for c in others if any(rest not in rests and gone in bends for rest, gone in doubted[c.keys])]
-    return {**first, **again(theirs, bends)}, bends
 
 
 def lags_and_delays(columns: Iterable[str]) -> list[str]:

@@ -6,8 +6,8 @@ these. Source: Yao, Vehtari, Simpson and Gelman, Bayesian Analysis 13, 2018, sec
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,10 +20,6 @@ from wrenchgap.learn.posterior.columns import Column
 from wrenchgap.learn.posterior.linear_problem import quadratic
 from wrenchgap.learn.posterior.score import Keys, Scored, Scorer
 from wrenchgap.learn.posterior.settings import SearchSettings
-
-Bends = Mapping[str, Array]
-"""By how much more (L,), by axis, a set leaves without a member than straight lines have it."""
-STRAIGHT: Bends = {}
 
 
 @dataclass(frozen=True)
@@ -69,7 +65,6 @@ class ScoredSet:
     predicted: Array
     left: Array
     leaves: tuple[tuple[ScoredSet, float], ...] = ()
-    bends: Bends = field(default_factory=dict)
 
     @property
     def keys(self) -> Keys:
@@ -92,19 +87,19 @@ class Rule(NamedTuple):
     of one that is not idle. Once `many` sets without idle members were seen, the likeliest way is followed alone.
     """  # noqa: D205
 
-    evidence: Callable[[Scorer, Keys, Bends], dict[str, float]]
-    trust: Callable[[Scorer, Keys, Bends], dict[str, float]]
+    evidence: Callable[[Scorer, Keys], dict[str, float]]
+    trust: Callable[[Scorer, Keys], dict[str, float]]
     least: float
     many: float
 
 
-def growth(scorer: Scorer, keys: Keys, bends: Bends) -> dict[str, float]:
+def growth(scorer: Scorer, keys: Keys) -> dict[str, float]:
     """Sum over axes of the log of how much the rms grows without each member."""
     left = by_axis(scorer, scorer(keys).left)
-    return {k: 0.5 * float(np.sum(np.log(_without(scorer, keys, k, bends)) - np.log(left))) for k in keys}
+    return {k: 0.5 * float(np.sum(np.log(_without(scorer, keys, k)) - np.log(left))) for k in keys}
 
 
-def own_share(scorer: Scorer, keys: Keys, bends: Bends) -> dict[str, float]:
+def own_share(scorer: Scorer, keys: Keys) -> dict[str, float]:
     """Share of each member's growth that neither what the set leaves nor its rough laws could have made."""
     space, scored, settings = scorer.spectrum, scorer(keys), scorer.spectrum.settings
     left = by_axis(scorer, scored.left)
@@ -115,7 +110,7 @@ def own_share(scorer: Scorer, keys: Keys, bends: Bends) -> dict[str, float]:
         sizes[key] = by_axis(scorer, quadratic(space.products[:, :, rows[:, None], rows], scored.weights[rows]))
     out = {}
     for key in keys:
-        returns = np.maximum(_without(scorer, keys, key, bends) / left - 1.0, 0.0)
+        returns = np.maximum(_without(scorer, keys, key) / left - 1.0, 0.0)
         above = beyond_noise * returns / (returns + 1.0)
         rough = [k for k in keys if k != key and space.columns[k].accuracy > settings.rough]
         law = sum((settings.off * space.columns[k].accuracy) ** 2 * sizes[k] for k in rough)
@@ -128,49 +123,35 @@ GROWTH = Rule(growth, own_share, SIGNIFICANCE.least_evidence, 12)
 """Of sets of effects: by what is left on each axis."""
 
 
-def _without(scorer: Scorer, keys: Keys, gone: str, bends: Bends) -> Array:
+def _without(scorer: Scorer, keys: Keys, gone: str) -> Array:
     """Mean squares (L,) by axis that remain without a member."""
     rest = scorer(tuple(k for k in keys if k != gone))
-    return np.asarray(by_axis(scorer, rest.left) * bends.get(gone, 1.0))
+    return by_axis(scorer, rest.left)
 
 
-def scored_set(
-    scorer: Scorer,
-    keys: Keys,
-    rests: Mapping[Keys, Array] | None = None,
-    bends: Bends = STRAIGHT,
-    rule: Rule = GROWTH,
-) -> ScoredSet:
-    """All that is said of a set, and of what remains of it. `rests` are mean squares (L,) by axis that sets without one
-    of its members leave, where they are known better than by the straight lines of the whole set; `bends` those of
-    other sets, for members of which no rest is known.
-    """  # noqa: D205
-    known = dict(bends)
-    for key in keys:
-        rest = tuple(k for k in sorted(keys) if k != key)
-        if rests and rest in rests:
-            known[key] = rests[rest] / by_axis(scorer, scorer(rest).left)
+def scored_set(scorer: Scorer, keys: Keys, rule: Rule = GROWTH) -> ScoredSet:
+    """All that is said of a set, and of what remains of it."""
     space = scorer.spectrum
 
     def described(some: Keys) -> ScoredSet:
         scored = scorer(some)
         used, adds = space.rows(*scored.keys), np.zeros(len(scored.weights))
         adds[used] = -scored.weights[used]
-        parts, left = parts_of(scorer, scored.keys, known, rule), by_axis(scorer, scored.left)
+        parts, left = parts_of(scorer, scored.keys, rule), by_axis(scorer, scored.left)
         return ScoredSet(scored, parts, scorer.by_block(scored), space.combined(adds), left)
 
-    leaves = tuple((described(leaf), share) for leaf, share in without_idle(scorer, keys, known, rule).items())
-    return replace(described(keys), leaves=leaves, bends=known)
+    leaves = tuple((described(leaf), share) for leaf, share in without_idle(scorer, keys, rule).items())
+    return replace(described(keys), leaves=leaves)
 
 
-def parts_of(scorer: Scorer, keys: Keys, bends: Bends = STRAIGHT, rule: Rule = GROWTH) -> tuple[Part, ...]:
+def parts_of(scorer: Scorer, keys: Keys, rule: Rule = GROWTH) -> tuple[Part, ...]:
     """What is said of each candidate of a set."""
     scored, space = scorer(keys), scorer.spectrum
-    evidence, trust = (judge(scorer, scored.keys, bends) for judge in (rule.evidence, rule.trust))
+    evidence, trust = (judge(scorer, scored.keys) for judge in (rule.evidence, rule.trust))
     return tuple(part(space.columns[k], scored.theta[k], evidence[k], trust[k], space.settings) for k in scored.keys)
 
 
-def without_idle(scorer: Scorer, keys: Keys, bends: Bends = STRAIGHT, rule: Rule = GROWTH) -> dict[Keys, float]:
+def without_idle(scorer: Scorer, keys: Keys, rule: Rule = GROWTH) -> dict[Keys, float]:
     """The sets that remain of one when what is idle, one member after the other, is gone, with their shares of it by
     probability: of two effects that do the same, one or the other (`ScoredSet.leaves`).
     """  # noqa: D205
@@ -182,7 +163,7 @@ def without_idle(scorer: Scorer, keys: Keys, bends: Bends = STRAIGHT, rule: Rule
         if some in seen:
             return False
         seen.add(some)
-        idle = [k for k, evidence in rule.evidence(scorer, some, bends).items() if evidence <= rule.least]
+        idle = [k for k, evidence in rule.evidence(scorer, some).items() if evidence <= rule.least]
         rests = [tuple(k for k in some if k != gone) for gone in idle]
         if not rests:
             leaves.append(some)
