@@ -16,7 +16,7 @@ from wrenchgap.flight.memory import let_go, on_disk
 from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.identify.fit import MANY, Fit
 from wrenchgap.learn.identify.least_squares import Point, Problem
-from wrenchgap.plant.effects import family, find
+from wrenchgap.plant.effects import Parameter, family, find
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import Vehicle
 
@@ -104,9 +104,15 @@ def by_effect(values: Array, names: Sequence[str], vehicle: Vehicle) -> dict[str
     return dict(zip(names, np.split(values, ends[:-1]), strict=True))
 
 
-def away_from_zero(problem: Problem, x: Array) -> list[int]:
+def next_to_nothing(column: Column, vehicle: Vehicle) -> Column:
+    """The column to be linearised where there is none of it, or as little as a derivative says something of."""
+    x = column.origin.copy()
+    away_from_zero([p for n in column.names for p in find(n).parameters(vehicle)], x)
+    return replace(column, theta=x - column.origin)
+
+
+def away_from_zero(parameters: Sequence[Parameter], x: Array) -> list[int]:
     """Parameters of which a derivative at these values says nothing; they are moved to their typical sizes."""
-    parameters = [p for _, p in problem.parameters]
     dull = [k for k, p in enumerate(parameters) if p.start != 0.0 and x[k] < LEAST_SIZE * p.scale]
     for k in dull:
         x[k] = min(parameters[k].scale, parameters[k].high)
@@ -118,7 +124,7 @@ def column(data: Dataset, model: Model, left: Array, fitted: Fit, names: tuple[s
     problem = Problem(data, model, names)
     x = np.zeros(problem.low.size)
     x[: problem.size] = fitted.theta
-    derivative = None if away_from_zero(problem, x) else fitted.jacobian
+    derivative = None if away_from_zero([p for _, p in problem.parameters], x) else fitted.jacobian
     return linearised(problem, given_values(model, names), left, problem.at(x), derivative)
 
 

@@ -137,7 +137,7 @@ def declared(data: Dataset, model: Model, names: Sequence[str], points: Points |
         part, key = slice(0, problem.size), " + ".join(added)
         try:
             x = problem.start(None).x.copy()
-            away_from_zero(problem, x)
+            away_from_zero([p for _, p in problem.parameters], x)
             if points and key in points:
                 x[part] = np.clip(points[key], problem.low[part], problem.high[part])
             out.append(linearised(problem, given_values(model, added), base, problem.at(x)))

@@ -1,8 +1,8 @@
 """The search over sets for a few flights: straight lines of each candidate, then of likely sets together, then weights.
 
 linear search     sets on the lines of each candidate by itself       `learn.posterior.subset_search`
-rounds            likely sets are linearised where they fit best; where that moves the likeliest, the search is
-                  repeated around it; all that came close is weighed, and says what to linearise next
+rounds            likely sets are linearised where they fit best; beside the likeliest, everything else is linearised
+                  from next to nothing; all that came close is weighed, and says what to linearise next
 names             sets by what they name, and the classes that they form       `learn.posterior.posterior`
 """
 
@@ -24,11 +24,9 @@ from wrenchgap.learn.posterior.posterior import (
     predict_the_same,
 )
 from wrenchgap.learn.posterior.relinearisation import (
-    columns_hold,
     lags_and_delays,
+    lines_beside,
     relinearised_sets,
-    rest_holds,
-    search_around,
     without_doubtful,
 )
 from wrenchgap.learn.posterior.score import Keys, Scored, Scorer
@@ -39,11 +37,11 @@ from wrenchgap.plant.effects import family, find
 
 Joint = Mapping[Keys, ScoredSet | None]
 """Sets that were linearised together; None where the model refuses one."""
-Lines = Sequence[tuple[Scored, Scorer]]
-"""Sets on straight lines, each with what scored it."""
+Begun = tuple[Keys, Sequence[Array]]
+"""A set, and the values at which linearising it anew begins."""
 
 ROUNDS = 3
-"""In which likely sets are linearised, and the search may be repeated around the likeliest."""
+"""In which likely sets are linearised, and one more candidate is looked for beside the likeliest."""
 SETTLING = 3
 """Further rounds, in which only what would do as well as the heaviest is linearised."""
 FEW = 3
@@ -52,22 +50,20 @@ FEW = 3
 
 @dataclass(frozen=True)
 class Round:
-    """What is known after a round: sets linearised together, searches repeated `around` some of them; the sets on
-    `lines` beside them, all that were `weighed`, the heaviest first, with their weights; what to linearise `next`.
+    """What is known after a round: sets linearised together, straight lines `beside` some of them; all sets that were
+    `weighed`, the heaviest first, with their weights; what to linearise `next`, and where to begin.
     """  # noqa: D205
 
     joint: Joint
-    around: Mapping[Keys, Scorer]
-    nearby: tuple[tuple[Scored, Scorer, Keys], ...]
-    lines: Lines
+    beside: Mapping[Keys, Scorer]
     weighed: tuple[tuple[ScoredSet, float], ...]
-    next: tuple[Keys, ...]
+    next: Sequence[Begun]
 
 
 def joint_search(on: ModelResidual, linear: Scorer, *, jobs: int = 1, tell: Progress = silent) -> WeighedSets:
     """Weigh the sets that were searched as straight lines, linearised anew."""
     tell(0.0, "weighing sets of effects")
-    last = Round({}, {}, (), (), (), tuple(sets_to_relinearise(linear, ordered(linear))))
+    last = Round({}, {}, (), beginning(linear, sets_to_relinearise(linear, ordered(linear))))
     for number in range(ROUNDS + SETTLING):
         tell((1 + number) / (2 + ROUNDS + SETTLING), "fitting the likeliest sets")
         last = next_round(on, linear, last, jobs, settling=number >= ROUNDS)
@@ -80,36 +76,56 @@ def joint_search(on: ModelResidual, linear: Scorer, *, jobs: int = 1, tell: Prog
     kept = [replace(one, leaves=equivalents_without_idle(linear, one)) for one in wholes]
     sets = merged_by_names((*kept, *(one for one, _ in weighed[FEW:])), [share for _, share in weighed])
     classes = equivalence_classes(sets, lambda a, b: predict_the_same(a.scored_set, b.scored_set, linear))
-    return WeighedSets(sets, classes, wholes, last.around.get(sets[0].scored_set.keys, linear))
+    return WeighedSets(sets, classes, wholes, last.beside.get(sets[0].scored_set.keys, linear))
 
 
 def next_round(on: ModelResidual, linear: Scorer, last: Round, jobs: int, *, settling: bool) -> Round:
     """Linearise what the last round asked for, weigh all that came close, and ask for more."""
-    joint = {**last.joint, **relinearised_sets(on, linear, beginning(linear, last.next), jobs)}
-    around, nearby = last.around, last.nearby
-    wanted: list[Keys] = []
+    joint = better_of(last.joint, relinearised_sets(on, linear, last.next, jobs))
     known = [c for c in joint.values() if c is not None]
     centre = max(known, key=lambda c: c.scored.log_probability, default=None)
-    if not settling and centre is not None and centre.keys not in around:
-        wrong = centre.scored.log_probability - linear(centre.keys).log_probability
-        if abs(wrong) > on.settings.moved:
-            scorer = search_around(on, linear, centre, jobs)
-            found = [s for s in ordered(scorer) if columns_hold(s.keys, centre.keys)]
-            wanted = sets_to_relinearise(scorer, found)
-            around, nearby = {**around, centre.keys: scorer}, tuple((s, scorer, centre.keys) for s in found)
-    straight = [(s, by) for s, by, middle in nearby if rest_holds(s.keys, middle, by, joint)]
-    lines = (*straight, *((s, linear) for s in ordered(linear)))
-    weighed = by_weight(sets_to_weigh(lines, joint))
+    beside, more = last.beside, dict[Keys, list[Array]]()
+    if not settling and centre is not None and centre.keys not in beside:
+        beside = {**beside, centre.keys: lines_beside(on, linear, centre, jobs)}
+        more = one_more(beside[centre.keys], centre, joint)
+    weighed = by_weight(sets_to_weigh(ordered(linear), linear, joint))
     heaviest = weighed[0][0]
-    wanted += [one.keys for one, _ in weighed[:FEW] if one.keys and not settling]
-    wanted += substitutes(around.get(heaviest.keys, linear), heaviest)
+    wanted = [one.keys for one, _ in weighed[:FEW] if one.keys and not settling]
+    wanted += substitutes(beside.get(heaviest.keys, linear), heaviest)
     wanted += [rest for one, _ in weighed[:FEW] for rest in without_doubtful(one)]
     wanted += [leaf.keys for one, _ in weighed[:FEW] for leaf, _ in one.leaves if leaf.keys]
-    new = tuple(keys for keys in dict.fromkeys(wanted) if keys not in joint)
-    return Round(joint, around, nearby, lines, weighed, new)
+    new = (keys for keys in dict.fromkeys(wanted) if keys not in joint and keys not in more)
+    return Round(joint, beside, weighed, [*more.items(), *beginning(linear, new)])
 
 
-def beginning(linear: Scorer, sets: Iterable[Keys]) -> list[tuple[Keys, list[Array]]]:
+def one_more(beside: Scorer, centre: ScoredSet, joint: Joint) -> dict[Keys, list[Array]]:
+    """The sets with one candidate more, and where they begin, that are likelier by straight lines beside the centre,
+    the likeliest first: not those that were linearised and are as likely as they promise.
+    """  # noqa: D205
+    columns, settings = beside.spectrum.columns, beside.spectrum.settings
+    sets = (tuple(sorted((*centre.keys, k))) for k in columns if k not in centre.keys)
+    found = [beside(keys) for keys in sets if compatible(keys, columns)]
+    least = max(beside(centre.keys).log_probability, centre.scored.log_probability)
+
+    def seen(one: Scored) -> bool:
+        known = joint.get(one.keys)
+        return known is not None and known.scored.log_probability > one.log_probability - settings.moved
+
+    likely = [one for one in found if one.log_probability > least and not seen(one)]
+    first = sorted(likely, key=lambda one: -one.log_probability)[: settings.contenders]
+    return {one.keys: [one.theta[k] for k in one.keys] for one in first}
+
+
+def better_of(joint: Joint, new: Joint) -> dict[Keys, ScoredSet | None]:
+    """Of sets that were linearised from two places, the likelier."""
+
+    def log(one: ScoredSet | None) -> float:
+        return -math.inf if one is None else one.scored.log_probability
+
+    return {**joint, **{keys: one for keys, one in new.items() if keys not in joint or log(one) > log(joint[keys])}}
+
+
+def beginning(linear: Scorer, sets: Iterable[Keys]) -> list[Begun]:
     """Sets with the values at which they fit best as straight lines, where linearising them anew begins."""
     return [(keys, [linear(keys).theta[k] for k in keys]) for keys in sets]
 
@@ -287,15 +303,11 @@ def exchanges(keys: Keys, alike: Sequence[str], columns: dict[str, Column]) -> l
     return [k for k in out if compatible(k, columns)]
 
 
-def sets_to_weigh(scored: Lines, joint: Joint) -> list[ScoredSet]:
+def sets_to_weigh(scored: Sequence[Scored], linear: Scorer, joint: Joint) -> list[ScoredSet]:
     """The sets to weigh: those linearised together, and of those on lines the likeliest as they are, each once."""
-    settings = scored[0][1].spectrum.settings
+    settings = linear.spectrum.settings
     again = [c for c in joint.values() if c is not None]
     best = max((c.scored.log_probability for c in again), default=-1e300)
-    first: dict[Keys, tuple[Scored, Scorer]] = {}
-    for s, by in scored:
-        if joint.get(s.keys) is None:
-            first.setdefault(s.keys, (s, by))
-    others = sorted(first.values(), key=lambda pair: -pair[0].log_probability)[: settings.weighed]
-    likely = [(s, by) for s, by in others if s.log_probability > best - settings.behind or not again]
-    return [*again, *(scored_set(by, s.keys) for s, by in likely)]
+    others = [s for s in scored if joint.get(s.keys) is None][: settings.weighed]
+    likely = [s for s in others if s.log_probability > best - settings.behind or not again]
+    return [*again, *(scored_set(linear, s.keys) for s in likely)]

@@ -18,12 +18,11 @@ from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.identify.bias_and_trim import trim_of
 from wrenchgap.learn.identify.least_squares import Problem
 from wrenchgap.learn.parallel import each
-from wrenchgap.learn.posterior.columns import Column
+from wrenchgap.learn.posterior.columns import Column, next_to_nothing
 from wrenchgap.learn.posterior.score import Keys, Scorer
 from wrenchgap.learn.posterior.scored_sets import ScoredSet, scored_set
 from wrenchgap.learn.posterior.single_effects import ModelResidual
 from wrenchgap.learn.posterior.spectrum import Spectrum
-from wrenchgap.learn.posterior.subset_search import search
 from wrenchgap.plant.effects import find
 
 
@@ -182,52 +181,30 @@ def relinearised_sets(
     return dict(zip([k for k, _ in sets], each(work, list(by_name), jobs, (on.data.root, on.model)), strict=True))
 
 
-def columns_hold(keys: Keys, centre: Keys) -> bool:
-    """Whether columns that were linearised in a set hold in another: it has its lags and delays, behind which all were;
-    of a set without any it lacks one member at most, and has two of them.
-    """  # noqa: D205
-    if late := set(lags_and_delays(centre)):
-        return late <= set(keys)
-    missing, shared = set(centre) - set(keys), set(centre) & set(keys)
-    return len(missing) <= 1 and len(shared) >= 2
-
-
-def rest_holds(keys: Keys, centre: Keys, scorer: Scorer, joint: Mapping[Keys, ScoredSet | None]) -> bool:
-    """Whether straight lines around a set may be trusted without the member of it that another set lacks: not where the
-    rest, linearised anew, turned out less likely than they had it.
-    """  # noqa: D205
-    rest = tuple(k for k in centre if k in keys)
-    found = joint.get(rest) if len(rest) < len(centre) else None
-    least = scorer(rest).log_probability - scorer.spectrum.settings.moved
-    return found is None or found.scored.log_probability > least
-
-
-def search_around(on: ModelResidual, linear: Scorer, centre: ScoredSet, jobs: int) -> Scorer:
-    """The search again, with the members of a set linearised where they fit best together, at the same noise. Beside a
-    lag all others are linearised anew, too: what comes late of them is not what they are beside none.
+def lines_beside(on: ModelResidual, linear: Scorer, centre: ScoredSet, jobs: int) -> Scorer:
+    """Straight lines beside a set, at the same noise: its members where they fit best together, everything else that is
+    no straight line from next to nothing. Where it was fitted alone it fitted what the set is: of an inertia beside a
+    centre of mass, or of a lag, the line that was taken there says nothing of a little of it.
     """  # noqa: D205
     on.data.forget()
-    columns = linear.spectrum.columns
+    columns, vehicle = linear.spectrum.columns, on.model.vehicle
     bare = {k: c.without_samples() for k, c in columns.items()}
     members = [bare[k] for k in centre.keys]
     theta = [centre.scored.theta[k] for k in centre.keys]
     moved = {c.key: c.spilled() for c in joint_columns(on, members, theta)}
-    if lags_and_delays(centre.keys):
-        others = [k for k in columns if k not in centre.keys and k not in lags_and_delays(columns)]
+    late = bool(lags_and_delays(centre.keys))  # behind which everything is another line
 
-        def work(key: str) -> Column | None:
-            try:
-                return column_beside(on, members, theta, bare[key])
-            except (ModelError, np.linalg.LinAlgError):  # an inertia that no body has, say
-                return None
+    def work(key: str) -> Column | None:
+        try:
+            return column_beside(on, members, theta, next_to_nothing(bare[key], vehicle))
+        except (ModelError, np.linalg.LinAlgError):  # an inertia that no body has, say
+            return None
 
-        moved |= {c.key: c.spilled() for c in each(work, others, jobs, (on.data.root, on.model)) if c is not None}
+    others = [k for k, c in bare.items() if k not in centre.keys and (late or np.any(c.offset))]
+    moved |= {c.key: c.spilled() for c in each(work, others, jobs, (on.data.root, on.model)) if c is not None}
     on.data.forget()
     lines = [moved.get(k, c) for k, c in columns.items()]
-    scorer = Scorer(spectrum_of(on, lines, linear.spectrum.factors), linear.reference)
-    search(scorer, jobs=jobs)
-    scorer(centre.keys)
-    return scorer
+    return Scorer(spectrum_of(on, lines, linear.spectrum.factors), linear.reference)
 
 
 def without_doubtful(heavy: ScoredSet, share: float = 0.25) -> list[Keys]:
