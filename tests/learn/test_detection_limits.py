@@ -79,6 +79,18 @@ def test_an_injected_mass_takes_its_share_of_the_force(plain, hexarotor):
     np.testing.assert_allclose(found, without * (mass / (mass + more) - 1.0), atol=1e-9)
 
 
+def test_a_little_of_one_effect_is_seen_beside_much_of_another(tumbling, hexarotor):
+    """Alone, moments of inertia fit what the centre of mass does, far from what they are: the straight line that is
+    taken there has it that nothing of them is worse than nothing beside the centre of mass.
+    """
+    centre = Injection("com_offset", np.array([-0.004, 0.007, -0.005]))
+    moments = Injection("inertia", np.array([0.0, 0.0, 0.0, 0.0016, 0.0, 0.0]))
+    both = injected(injected(tumbling, hexarotor, centre), hexarotor, moments)
+    found = search_dataset(both, hexarotor, Candidates((*NAMES, "inertia", "tether"), ()), limits_of=())
+    assert {"com_offset", "inertia"} <= set(found.firm) <= {"com_offset", "inertia", "servo_lag", "arm_reaction"}
+    assert found.changes("inertia")["xy"] == pytest.approx(0.0016, rel=0.4)  # arms that the model has as points
+
+
 def test_what_is_injected_is_in_the_measurement_and_nowhere_else(plain, hexarotor):
     changed = injected(plain, hexarotor, Injection("mass", np.array([0.1])))
     assert np.abs(changed.measured - plain.measured).max() > 0.1
