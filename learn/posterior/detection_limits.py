@@ -14,8 +14,9 @@ What is firm in products need not be on the axes where commands answer the motio
 effect in what the flights measured (`learn.posterior.injection`), where searches are repeated too.
 """
 
+import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,6 +24,7 @@ import numpy as np
 from wrenchgap.flight.flight import Array, Mask
 from wrenchgap.learn.data.blocks import SIGNIFICANCE, common_variance, needed, paired_t, significant
 from wrenchgap.learn.identify.fit import MATERIAL
+from wrenchgap.learn.posterior.columns import confused
 from wrenchgap.learn.posterior.joint_search import alias_weight, aliases
 from wrenchgap.learn.posterior.linear_problem import LinearProblem
 from wrenchgap.learn.posterior.posterior import predict_the_same
@@ -64,6 +66,10 @@ class DetectionLimit:
         return math.isfinite(self.size)
 
 
+Flown = Callable[[DetectionLimit, Collection[str]], Scorer]
+"""What scores flights with a change in them, with these candidates."""
+
+
 def detection_limits(
     scorer: Scorer,
     named: Keys,
@@ -71,7 +77,7 @@ def detection_limits(
     rule: Rule = GROWTH,
     silent: Mask | None = None,
     of: Sequence[str] | None = None,
-    flown: Callable[[DetectionLimit], Scorer] | None = None,
+    flown: Flown | None = None,
 ) -> tuple[DetectionLimit, ...]:
     """Of every effect, or of those in `of`, that stands alone as a candidate and is not `named` already, in any of its
     forms; members of sets are judged by this rule.
@@ -182,25 +188,31 @@ class Injections:
         size = float(sizes[high] + math.copysign(ADVERSE * spread, self.plausible))
         return (size, ()) if abs(size) <= most else (math.nan, ())
 
-    def confirmed(
-        self, limit: DetectionLimit, flown: Callable[[DetectionLimit], Scorer], larger: float = 1.5
-    ) -> DetectionLimit:
-        """The limit as it is firm where it was flown, perhaps some times `larger`; none where it is not."""
-        instead = limit.instead
-        while limit.shown and abs(limit.size) <= abs(limit.plausible):
-            instead, spread = self.judged(flown(limit), rivals_wanted=True)
+    def confirmed(self, limit: DetectionLimit, flown: Flown, larger: float = 1.5) -> DetectionLimit:
+        """The limit as it is firm where it was flown, perhaps some times `larger`; none where it is not. There it is
+        weighed against what comes close in the products.
+        """  # noqa: D205
+        if not limit.shown:
+            return limit
+        rivals = self.likeliest_without(self.search.on(self.injected(limit.size)))
+        near = {*self.own, *itertools.chain(*rivals), *confused(self.key, self.search.space.columns)}
+        while abs(limit.size) <= abs(limit.plausible):
+            instead, spread = self.judged(flown(limit, near), rivals_wanted=True)
             if math.isfinite(spread):
                 return limit
-            limit = replace(limit, size=larger * limit.size)
-        return replace(limit, size=math.nan, instead=instead)
+            limit = replace(limit, size=larger * limit.size, instead=instead)
+        return replace(limit, size=math.nan)
 
-    def tried(self, size: float, *, rivals_wanted: bool = False) -> tuple[tuple[str, ...], float]:
-        """`judged` where the flights have this size of it."""
+    def injected(self, size: float) -> Scorer:
+        """What scores the products of flights with this size of it."""
         secant = (2.0 - min(abs(size / self.bend), 1.0)) / self.bend if self.bend else 0.0
         space = self.search.space
         row = int(space.parameters[self.key][self.index])
-        injected = InjectedSpectrum(space, row, space.offset[self.key], size, secant)
-        return self.judged(self.search.scorer.on(injected), rivals_wanted=rivals_wanted)
+        return self.search.scorer.on(InjectedSpectrum(space, row, space.offset[self.key], size, secant))
+
+    def tried(self, size: float, *, rivals_wanted: bool = False) -> tuple[tuple[str, ...], float]:
+        """`judged` where the flights have this size of it."""
+        return self.judged(self.injected(size), rivals_wanted=rivals_wanted)
 
     def judged(self, scorer: Scorer, *, rivals_wanted: bool) -> tuple[tuple[str, ...], float]:
         """Effects that could make what the flights have, if `rivals_wanted`; the standard deviation of a fit of it, NaN
@@ -246,7 +258,8 @@ class Injections:
 
     def extended(self, search: SubsetSearch, keys: Keys) -> list[Keys]:
         """A set with each of those others that promise most."""
-        wanted = [k for k in search.promising(keys, self.others) if all(k in search.others[o] for o in keys)]
+        others = [k for k in self.others if k in search.space.columns]
+        wanted = [k for k in search.promising(keys, others) if all(k in search.others[o] for o in keys)]
         return [tuple(sorted((*keys, k))) for k in wanted]
 
     def instead(self, rivals: Sequence[Keys]) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 The wrench of an effect goes into the measured one; commands and motion stay (docs/theory/posterior.md).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,10 +12,11 @@ from wrenchgap.flight.flight import Array
 from wrenchgap.learn.data.dataset import dataset
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.data.prediction import Evaluator
-from wrenchgap.learn.posterior.detection_limits import DetectionLimit
+from wrenchgap.learn.identify.least_squares import left_by
+from wrenchgap.learn.posterior.detection_limits import DetectionLimit, Flown
 from wrenchgap.learn.posterior.relinearisation import spectrum_of
 from wrenchgap.learn.posterior.score import Scorer
-from wrenchgap.learn.posterior.single_effects import ModelResidual, model_residual
+from wrenchgap.learn.posterior.single_effects import ModelResidual
 from wrenchgap.plant.effects import family, find
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import ModelEffect
@@ -93,7 +94,7 @@ def injection(limit: DetectionLimit, share: float, model: Model) -> Injection:
     return Injection(limit.effect, change)
 
 
-def with_injection(on: ModelResidual, scorer: Scorer) -> Callable[[DetectionLimit], Scorer]:
+def with_injection(on: ModelResidual, scorer: Scorer) -> Flown:
     """What scores these flights with a limit in what they measured, on the same straight lines.
 
     What commands answer is worked out anew, from what the change has moved: products of the flights without it do not
@@ -101,9 +102,9 @@ def with_injection(on: ModelResidual, scorer: Scorer) -> Callable[[DetectionLimi
     """
     space, given = scorer.spectrum, on.data
 
-    def flown(limit: DetectionLimit) -> Scorer:
+    def flown(limit: DetectionLimit, candidates: Collection[str]) -> Scorer:
         data = dataset(injection(limit, 1.0, on.model).into(given.records, on.model), on.model, given.answering)
-        there = model_residual(data, on.model, on.settings)
-        return scorer.on(spectrum_of(there, list(space.columns.values()), space.factors))
+        there = replace(on, data=data, left=left_by(data, on.model))
+        return scorer.on(spectrum_of(there, [c for k, c in space.columns.items() if k in candidates], space.factors))
 
     return flown
