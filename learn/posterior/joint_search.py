@@ -243,17 +243,23 @@ def substitutes(scorer: Scorer, heaviest: ScoredSet) -> list[Keys]:
 
 def with_leaves_of(joint: Joint, whole: ScoredSet) -> ScoredSet:
     """A set with what remains of it as that is where it was linearised itself: of a lag and a delay, either of which is
-    idle beside the other, the one that does as well alone. Where the whole is d > 1 nats likelier than the best of
-    them, their odds count to the power 1 / d: of two that are both wrong, the one that is less so need not be there.
-    As it was where one of the sets that remain was not linearised.
+    idle beside the other, the one that does as well alone; a set that lacks another member, too, where it is likelier
+    than what remains. Where the whole is d > 1 nats likelier than the best of them, their odds count to the power
+    1 / d: of two that are both wrong, the one that is less so need not be there. As it was where one of the sets that
+    remain was not linearised.
     """  # noqa: D205
     known = [joint.get(leaf.keys) if leaf.keys else leaf for leaf, _ in whole.leaves]
-    there = [one for one in known if one is not None]
+    there = {one.keys: one for one in known if one is not None}
     if len(there) < len(known):
         return whole
-    log = [one.scored.log_probability for one in there]
+    best = max(one.scored.log_probability for one in there.values())
+    for gone in whole.keys:
+        rest = joint.get(tuple(k for k in whole.keys if k != gone))
+        if rest is not None and rest.scored.log_probability > best:
+            there |= {leaf.keys: joint.get(leaf.keys) or leaf for leaf, _ in rest.leaves}
+    log = [one.scored.log_probability for one in there.values()]
     share = shares_of(log, max(whole.scored.log_probability - max(log), 1.0))
-    return replace(whole, leaves=tuple(zip(there, share, strict=True)))
+    return replace(whole, leaves=tuple(zip(there.values(), share, strict=True)))
 
 
 def equivalents_without_idle(scorer: Scorer, whole: ScoredSet) -> tuple[tuple[ScoredSet, float], ...]:

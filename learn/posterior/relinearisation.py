@@ -209,11 +209,12 @@ def lines_beside(on: ModelResidual, linear: Scorer, centre: ScoredSet, jobs: int
 
 def without_doubtful(heavy: ScoredSet, share: float = 0.25) -> list[Keys]:
     """A set without each of the members that it hardly needs, as far as straight lines can tell: their evidence is less
-    than the least for a name, and more than this share of it.
+    than the least for a name, and more than this share of it; of several lags and delays, without each.
     """  # noqa: D205
     columns = {" + ".join(p.names): p for p in heavy.parts}
-    least = SIGNIFICANCE.least_evidence
-    doubted = [k for k in heavy.keys if share * least < columns[k].evidence <= least]
+    least, late = SIGNIFICANCE.least_evidence, lags_and_delays(heavy.keys)
+    several = late if len(late) > 1 else []
+    doubted = [k for k in heavy.keys if share * least < columns[k].evidence <= least or k in several]
     return [rest for gone in doubted if (rest := tuple(k for k in heavy.keys if k != gone))]
 
 

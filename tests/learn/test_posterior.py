@@ -181,6 +181,10 @@ def test_what_remains_of_a_set_weighs_as_it_is_where_it_was_linearised(made):
         assert more / less == pytest.approx(odds)
         assert more + less == pytest.approx(1.0)
         assert with_leaves_of({lag: joint[lag]}, one) is one
+        only_delay = replace(one, leaves=((scored_set(scorer, delay), 1.0),))  # as if it were needed beside the lag
+        alone = {keys: replace(known, leaves=((known, 1.0),)) for keys, known in joint.items()}
+        found = {leaf.keys: share for leaf, share in with_leaves_of(alone, only_delay).leaves}
+        assert found == pytest.approx({delay: less, lag: more})
         nothing = with_probability((), 100.0)  # has no straight lines that could be wrong
         with_nothing = replace(one, leaves=((scored_set(scorer, lag), 0.5), (nothing, 0.5)))
         (first, more), (second, less) = with_leaves_of({lag: joint[lag]}, with_nothing).leaves
