@@ -121,6 +121,8 @@ def held_voltage(flight: Flight, longer: float = 5.0) -> str:
         on = flight.actuators.time[np.flatnonzero(speeds.max(axis=1) > 0.0)]
         flown = (time >= on.min(initial=math.inf)) & (time <= on.max(initial=-math.inf))
         time, volts = time[flown], volts[flown]
+    if not len(volts):
+        return ""
     starts = np.flatnonzero(np.append(True, volts[1:] != volts[:-1]))
     lengths = np.diff(np.append(starts, len(volts)))
     where = int(np.argmax(lengths))

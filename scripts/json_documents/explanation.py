@@ -170,6 +170,8 @@ class Limit(TypedDict):
     """The smallest that alone would have been firm; null where none up to `plausible`."""
     instead: list[str]
     """Alternatives to it."""
+    where: dict[str, float]
+    """By name, values that parameters have of which nothing is seen without it."""
 
 
 class Injected(TypedDict):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wrenchgap.flight.checks import with_checks
-from wrenchgap.flight.checks.channels import held_for
+from wrenchgap.flight.checks.channels import held_for, held_voltage
 from wrenchgap.flight.checks.command_rate import command_spacing
 from wrenchgap.flight.flight import ActuatorSeries, BatterySeries, Flight, ImuSeries
 
@@ -110,6 +110,7 @@ def test_a_voltmeter_that_stops_in_flight_is_said_and_one_that_rests_before_or_a
     assert "V from 9.0 s to 24.0 s, where motors run" in found
     assert not said(with_voltage(flown(landed=18.0), TIME >= 18.0)).keys()
     assert not said(with_voltage(flown(), TIME < 9.0)).keys()
+    assert not held_voltage(flown(landed=0.0))  # motors never ran
 
 
 def test_rotors_that_stop_at_one_value_are_said_and_full_throttle_is_not():
