@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from wrenchgap.flight.errors import ModelError
 from wrenchgap.flight.flight import Array, Mask
 from wrenchgap.learn.data.blocks import SIGNIFICANCE, common_variance, needed, paired_t, significant
 from wrenchgap.learn.identify.fit import MATERIAL
@@ -197,7 +198,10 @@ class Injections:
         rivals = self.likeliest_without(self.search.on(self.injected(limit.size)))
         near = {*self.own, *itertools.chain(*rivals), *confused(self.key, self.search.space.columns)}
         while abs(limit.size) <= abs(limit.plausible):
-            instead, spread = self.judged(flown(limit, near), rivals_wanted=True)
+            try:
+                instead, spread = self.judged(flown(limit, near), rivals_wanted=True)
+            except ModelError:  # an inertia that no body has, say
+                break
             if math.isfinite(spread):
                 return limit
             limit = replace(limit, size=larger * limit.size, instead=instead)

@@ -76,7 +76,8 @@ def joint_search(on: ModelResidual, linear: Scorer, *, jobs: int = 1, tell: Prog
     kept = [replace(one, leaves=equivalents_without_idle(linear, one)) for one in wholes]
     sets = merged_by_names((*kept, *(one for one, _ in weighed[FEW:])), [share for _, share in weighed])
     classes = equivalence_classes(sets, lambda a, b: predict_the_same(a.scored_set, b.scored_set, linear))
-    return WeighedSets(sets, classes, wholes, last.beside.get(sets[0].scored_set.keys, linear))
+    best = sets[0].scored_set
+    return WeighedSets(sets, classes, wholes, last.beside.get(best.keys) or lines_beside(on, linear, best, jobs))
 
 
 def next_round(on: ModelResidual, linear: Scorer, last: Round, jobs: int, *, settling: bool) -> Round:

@@ -154,7 +154,7 @@ def column_beside(ground: ModelResidual, columns: Sequence[Column], theta: Seque
     members = sum(len(c.theta) for c in columns)
     own = slice(members, members + len(other.theta))
     x = np.zeros(problem.low.size)
-    x[:members] = np.concatenate([c.origin + values for c, values in zip(columns, theta, strict=True)])
+    x[:members] = np.concatenate([np.zeros(0), *(c.origin + v for c, v in zip(columns, theta, strict=True))])
     x[own] = other.origin
     x = np.clip(x, problem.low, problem.high)
     without = problem.at(x)
@@ -191,7 +191,7 @@ def lines_beside(on: ModelResidual, linear: Scorer, centre: ScoredSet, jobs: int
     bare = {k: c.without_samples() for k, c in columns.items()}
     members = [bare[k] for k in centre.keys]
     theta = [centre.scored.theta[k] for k in centre.keys]
-    moved = {c.key: c.spilled() for c in joint_columns(on, members, theta)}
+    moved = {c.key: c.spilled() for c in joint_columns(on, members, theta)} if members else {}
     late = bool(lags_and_delays(centre.keys))  # behind which everything is another line
 
     def work(key: str) -> Column | None:
