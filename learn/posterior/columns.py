@@ -142,9 +142,11 @@ def compatible_with(key: str, others: tuple[str, ...], columns: dict[str, Column
 
 
 def confused(key: str, columns: dict[str, Column]) -> list[str]:
-    """Candidates of effects that are known to look like those of a candidate, by themselves."""
-    alike = {n for own in columns[key].names for n in find(own).confused_with}
-    return [k for k in columns if k in alike]
+    """Candidates of one effect that is known to look like one of a candidate's, or they like it."""
+    names = columns[key].names
+    alike = {n for own in names for n in find(own).confused_with}
+    single = [k for k, c in columns.items() if c.names == (k,) and k not in names]
+    return [k for k in single if k in alike or not set(names).isdisjoint(find(k).confused_with)]
 
 
 def complexity(names: tuple[str, ...]) -> int:

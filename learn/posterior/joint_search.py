@@ -69,7 +69,7 @@ def joint_search(on: ModelResidual, linear: Scorer, *, jobs: int = 1, tell: Prog
         last = next_round(on, linear, last, jobs, settling=number >= ROUNDS)
         if not last.next:
             break
-    weighed = with_aliases(on, linear, last.weighed, jobs)
+    weighed = with_aliases(on, linear, last, jobs)
     rests = {leaf.keys for one, _ in weighed[:FEW] for leaf, _ in one.leaves if leaf.keys} - last.joint.keys()
     joint = {**last.joint, **relinearised_sets(on, linear, beginning(linear, sorted(rests)), jobs)}
     wholes = tuple(with_leaves_of(joint, one) for one, _ in weighed[:FEW])
@@ -136,12 +136,12 @@ def by_weight(sets: Sequence[ScoredSet]) -> tuple[tuple[ScoredSet, float], ...]:
     return tuple(sorted(zip(sets, weights(sets).tolist(), strict=True), key=lambda pair: -pair[1]))
 
 
-def with_aliases(
-    on: ModelResidual, linear: Scorer, weighed: Sequence[tuple[ScoredSet, float]], jobs: int
-) -> tuple[tuple[ScoredSet, float], ...]:
+def with_aliases(on: ModelResidual, linear: Scorer, last: Round, jobs: int) -> tuple[tuple[ScoredSet, float], ...]:
     """The same, with those `aliases` of the heaviest set that predict the same: they weigh by `alias_weight`."""
+    weighed = last.weighed
     heaviest, share = weighed[0]
-    begun = beginning(linear, aliases(linear, heaviest.scored))
+    beside = last.beside.get(heaviest.keys, linear)
+    begun = beginning(beside, aliases(beside, heaviest.scored))
     found = [one for one in relinearised_sets(on, linear, begun, jobs).values() if one]
     alike = {one.keys: one for one in found if predict_the_same(heaviest, one, linear)}
     weight = {one.keys: share for one, share in weighed}
