@@ -96,11 +96,11 @@ def likely_groups(found: Explanation, none: float = 0.5) -> list[tuple[str, ...]
 
 
 def alternatives(found: Explanation, group: Sequence[str], most: int = 3) -> list[tuple[str, str]]:
-    """What cannot be told apart, as weights and clauses in a pilot's words with their sizes; of many the likeliest."""
+    """What cannot be told apart, as weights and clauses in a pilot's words with their sizes, the likeliest first."""
     vehicle, place = found.model.vehicle, tuple(group[0].split(" + "))
     rivals = {r.names: r for m in found.members for r in m.alike if r.members == place}
     mine = sum(s.weight for s in found.posterior.sets if set(place) <= set(s.names))
-    said = [(share(mine), together([e for e in found.fit.effects if e.name in place], vehicle))]
+    said = [(mine, together([e for e in found.fit.effects if e.name in place], vehicle))]
     named, rest = {place}, 1.0 - mine
     for names, rival in rivals.items():
         having = [
@@ -117,16 +117,18 @@ def alternatives(found: Explanation, group: Sequence[str], most: int = 3) -> lis
         effects = [ModelEffect(find(name), theta[name]) for name in names if name in theta]
         sensor = next((f"{SENSORS[name]} ({rival.name})" for name in names if name in SENSORS), "")
         whole = together(effects, vehicle) if len(effects) == len(names) else rival.name
-        said.append((share(weight), sensor or whole))
-    more = len(said) - most
-    others = f"{'one other' if more == 1 else f'one of {more} others'} (--details)"
-    none = [(share(rest), "none of these")] if rest >= LIGHT else []
-    return said[:most] + [("", others)] * (more > 0) + none
+        said.append((weight, sensor or whole))
+    said.sort(key=lambda pair: -pair[0])
+    if more := said[most:]:
+        others = "one other" if len(more) == 1 else f"one of {len(more)} others"
+        said = [*said[:most], (sum(weight for weight, _ in more), f"{others} (--details)")]
+    none = [(rest, "none of these")] if rest >= LIGHT else []
+    return [(share(weight), clause) for weight, clause in (*said, *none)]
 
 
 def either(found: Explanation, group: Sequence[str]) -> str:
     """The `alternatives` as a sentence."""
-    said = [f"{clause}, {weight}" if weight else clause for weight, clause in alternatives(found, group)]
+    said = [f"{clause}, {weight}" for weight, clause in alternatives(found, group)]
     return f"Either {'; or '.join(said)}: {which_flights(found)} cannot tell which."
 
 

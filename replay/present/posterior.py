@@ -18,7 +18,7 @@ from wrenchgap.learn.posterior.settings import DEFAULT
 from wrenchgap.learn.posterior.single_effects import Candidate
 from wrenchgap.learn.posterior.verdict import Verdict
 from wrenchgap.plant import Model, Vehicle
-from wrenchgap.plant.effects import catalogue, family
+from wrenchgap.plant.effects import catalogue, family, find
 from wrenchgap.plant.history import Value
 from wrenchgap.replay.present import what_to_inspect, where
 from wrenchgap.replay.present.numbers import LIGHT, certainty, quantity, share, unit_of, user_name, with_std
@@ -222,7 +222,7 @@ def with_values(
     """The effect with its parameters that are beyond chance, or the clearest where none is, and standard deviations;
     of one that the `given` model has, (P,) by name, those that are beyond chance from that, which is said.
 
-    Of many the three largest above `prominent` times the largest of them; sizes are compared as multiples of the
+    Of many, and of rotors or arms, the three largest above `prominent` times the largest; sizes are multiples of the
     parameters' typical ones. The largest that is above `likely` of its standard deviations alone, and large enough for
     a name, is said with "perhaps".
     """  # noqa: D205
@@ -233,7 +233,7 @@ def with_values(
     clear = [v for v in every if size[v.name] > SIGNIFICANCE.alone * (v.std or 0.0)]
     clearest = sorted(every, key=lambda v: -size[v.name] / max(v.std or 0.0, 1e-30))
     shown: Sequence[Value] = clear or clearest[:1]
-    if len(shown) > 3:
+    if len(shown) > 3 or find(name).sparse:
         by_size = sorted(shown, key=lambda v: -size[v.name] / typical[v.name])
         largest = size[by_size[0].name] / typical[by_size[0].name]
         shown = [v for v in by_size[:3] if size[v.name] / typical[v.name] > prominent * largest]
