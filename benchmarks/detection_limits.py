@@ -2,7 +2,7 @@
 
     pip install -e '.[benchmark]'                                     # drone-models
     python -m benchmarks.detection_limits                             # others to tune on, first seed 0
-    python -m benchmarks.detection_limits --seed 4000 --json docs/detection-limits.json --page docs/detection-limits.md
+    python -m benchmarks.detection_limits --seed 9400 --json docs/detection-limits.json --page docs/detection-limits.md
 
 Flights of two independent engines, a tilt-arm hexarotor in MuJoCo and a quadrotor whose motors are logged at 25 and
 400 Hz, with nothing or something hidden; and comparisons of one flight with three others of the same vehicle. Into
