@@ -137,7 +137,7 @@ def by_weight(sets: Sequence[ScoredSet]) -> tuple[tuple[ScoredSet, float], ...]:
 
 
 def with_aliases(on: ModelResidual, linear: Scorer, last: Round, jobs: int) -> tuple[tuple[ScoredSet, float], ...]:
-    """The same, with those `aliases` of the heaviest set that predict the same: they weigh by `alias_weight`."""
+    """The sets of the last round, with those `aliases` of the heaviest that predict the same, by `alias_weight`."""
     weighed = last.weighed
     heaviest, share = weighed[0]
     beside = last.beside.get(heaviest.keys, linear)
