@@ -191,10 +191,9 @@ def weighed_sets(
             lines = searched(spectrum_of(free, again.columns), jobs)
             if disturbance_free(on, free, ordered(lines)[:FEW], nearly=True):
                 other = joint_search(free, lines, jobs=jobs, tell=part_of(tell, 0.5, 0.7))
+                # at its limit a law is another one, and may hide what commands answered
                 within = [one.scored for one in other.wholes if not any(p.stuck for p in one.parts)]
-                if disturbance_free(
-                    on, free, within
-                ):  # at a limit a law is another one, and may hide what was answered
+                if disturbance_free(on, free, within):
                     return free, again, other
         on.data.starts.clear()
     lines = searched(spectrum_of(on, tried.columns), jobs)
