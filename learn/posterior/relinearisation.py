@@ -1,8 +1,8 @@
-"""Sets linearised anew where they fit best together, and the search repeated around them.
+"""Sets linearised anew where they fit best together, and everything else beside them.
 
 Columns are linearised each by itself. A lag beside another lag, a centre of mass beside a weak rotor, are not quite
-what they are alone: sets that come close get a few Gauss-Newton steps with derivatives of the whole set. Of a set in
-which a lag is large those straight lines say little: what is late of the others changes, and the lag itself bends.
+what they are alone: sets that come close get a few Gauss-Newton steps with derivatives of the whole set. What is not
+in a set and is no straight line is linearised beside the set from next to nothing, and the search goes on from there.
 """
 
 import itertools

@@ -206,9 +206,8 @@ def brief(found: Explanation) -> list[Part]:
     """The verdict, what to inspect, what would settle it, unseen flights, warnings, what the flights could not show,
     and the members.
     """  # noqa: D205
-    places = what_to_inspect.of_explanation(found)[:MOST_PLACES]
     said: list[Part] = [*(doubted := doubted_mass(found)), *(Line(text, "bold") for text in apart(found.apart))]
-    said += [*answer_lines(found), *(Line(text, "bold") for text in places)]
+    said += answer_lines(found)
     said += map(Line, filter(None, (fitted_effects.already_in(found.model, found.effects),)))
     said += [] if doubted else map(Line, posterior.cheapest_check(posterior.checks_of(found)))
     if tested := found.validation:
