@@ -132,6 +132,16 @@ def either(found: Explanation, group: Sequence[str]) -> str:
     return f"Either {'; or '.join(said)}: {which_flights(found)} cannot tell which."
 
 
+def is_of_no_thrust(found: Explanation) -> bool:
+    """Whether a constant wrench is clearly none that goes with the thrust: what these would differ by is its size times
+    how much the force varied, over its mean, in standard errors of the size.
+    """  # noqa: D205
+    force = np.concatenate([r.commanded[:, :3] for f in found.flights for r in f.records])
+    varied = np.sqrt(force.var(axis=0).sum()) / np.linalg.norm(force.mean(axis=0))
+    sizes = [abs(v.value) / v.std for v in found.fit.values("constant_wrench") if v.std]
+    return bool(max(sizes, default=0.0) * varied > SIGNIFICANCE.alone)
+
+
 def which_flights(found: Explanation) -> str:
     """The subject of a sentence on what they cannot tell."""
     return "this flight" if len(found.flights) == 1 else "these flights"

@@ -18,6 +18,7 @@ from wrenchgap.learn.posterior.posterior import NamedSet
 from wrenchgap.learn.posterior.settings import DEFAULT
 from wrenchgap.plant.effects import family
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
+from wrenchgap.replay.present import fitted_effects
 from wrenchgap.replay.present.numbers import AXIS_HEADS, number, quantity, share, side_of, size_in_words, unit_of
 
 
@@ -134,9 +135,17 @@ def of_explanation(found: Explanation) -> list[str]:
             for v in found.fit.values(constant.name)
             if abs(v.value) > SIGNIFICANCE.alone * (v.std or 0.0)
         }
-        would = "makes" if found.confidence(constant) >= DEFAULT.firm else "would make"
+        begins = "What would make such a constant wrench"
+        if found.confidence(constant) >= DEFAULT.firm:
+            begins = "What makes such a constant wrench, this does not tell"
         causes = causes_of_constant(by, vehicle, trim(logs))
-        out += [f"What {would} such a constant wrench: {'; '.join(causes)}."] if causes else []
+        if causes and fitted_effects.is_of_no_thrust(found):
+            begins = begins.partition(",")[0]
+            causes = [
+                "a cable, a rope or what else pulls at it; it does not grow with the thrust, as it would by a "
+                "centre of mass, weak propellers or a mounting"
+            ]
+        out += [f"{begins}: {'; '.join(causes)}."] if causes else []
     return out
 
 

@@ -90,6 +90,12 @@ def test_of_many_parameters_the_ones_that_stand_out_are_told(named):
     assert "rotor_thrust (M4 -0.200 +- 0.0010, M9 -0.100 +- 0.0010)," in words
 
 
+def in_hover(flight):
+    """The same flight as if one wrench had been commanded throughout."""
+    records = [replace(r, commanded=np.tile((0.0, 0.0, 40.0, 0.0, 0.0, 0.0), (len(r), 1))) for r in flight.records]
+    return replace(flight, records=tuple(records))
+
+
 def test_a_constant_wrench_is_said_as_check_says_it_and_as_sure_as_it_is(named, monkeypatch):
     """The weight 12 mm behind the middle, a yaw torque, a tilt of two degrees; a force along z tells nothing."""
     weight = named.model.vehicle.body.mass * 9.80665
@@ -98,7 +104,11 @@ def test_a_constant_wrench_is_said_as_check_says_it_and_as_sure_as_it_is(named, 
     fitted = replace(named.fit, parameters=parameters, theta=theta, covariance=1e-12 * np.eye(6))
     member = replace(named.members[0], name="constant_wrench")
     (words,) = what_to_inspect.of_explanation(replace(named, members=(member,), fit=fitted))
-    assert "wrench: a centre of mass 12 mm towards the back (" in words
+    assert "a cable" in words  # the thrust turned to all sides, and the wrench with none of them
+    assert "centre of mass 12 mm" not in words
+    named = replace(named, flights=tuple(map(in_hover, named.flights)))
+    (words,) = what_to_inspect.of_explanation(replace(named, members=(member,), fit=fitted))
+    assert "wrench, this does not tell: a centre of mass 12 mm towards the back (" in words
     assert "a yaw bias of" in words
     assert "2 deg off the rotors' plane" in words
     found = replace(named, members=(member,), fit=fitted)
