@@ -138,6 +138,19 @@ class Changed(Result):
         """  # noqa: D205
         return float(stdtrit(len(self.healthy) - 1 + WORTH, 0.95))
 
+    @property
+    def is_clear(self) -> bool:
+        """Whether any change is beyond what so few healthy flights leave open."""
+        return not self.parameters or any(p.significance > self.clear for p in self.parameters)
+
+    @property
+    def established(self) -> bool:
+        """Whether something surely changed: a firm effect, or one of several that these flights cannot tell apart."""
+        sets = self.classes[0].sets if self.classes else ()
+        several = any(s.weight >= CHANGES.otherwise for s in sets[1:]) and bool(sets[0].names)
+        together = several and sum(s.weight for s in sets) >= CHANGES.firm
+        return bool(self.firm) or (together and self.is_clear)
+
     def confidence(self, name: str) -> float:
         """Weight of the sets that name the effect, or another form of it; never above `SearchSettings.certain`."""
         named = [s.weight for c in self.classes for s in c.sets if family(name) in {family(n) for n in s.names}]

@@ -14,7 +14,7 @@ from wrenchgap.learn.changed.changed import AT_ONCE, Changed, Verdict
 from wrenchgap.learn.changed.priors import NAMELESS
 from wrenchgap.learn.changed.sizes import Size
 from wrenchgap.learn.identify.bias_and_trim import WORTH
-from wrenchgap.learn.posterior.settings import CHANGES, DEFAULT
+from wrenchgap.learn.posterior.settings import CHANGES
 from wrenchgap.plant.effects import family
 from wrenchgap.replay.present import detection, numbers, parameters, posterior, timing, what_to_inspect
 from wrenchgap.replay.present.figures import report as panels
@@ -162,8 +162,7 @@ def _verdict(found: Changed) -> str:
     group = found.classes[0].sets if found.classes[0].sets[0].names else ()
     others = [" + ".join(s.names) for s in group[1:] if s.weight >= numbers.LIGHT]
     unclear = what_to_inspect.unclear(found)
-    certain = bool(others) and not unclear and sum(s.weight for s in group) >= DEFAULT.firm
-    said, sure = [], bool(found.firm) or certain
+    said, sure = [], found.established
     for name in found.names:
         first = max((p for p in found.parameters if p.effect == name), key=lambda p: p.significance, default=None)
         words = name if first is None else in_words(found, first)

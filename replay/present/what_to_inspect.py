@@ -301,7 +301,7 @@ def unlike_rates(found: Changed, most: float = 1.5) -> str:
 
 def unclear(found: Changed) -> str:
     """That no change is beyond what so few healthy flights leave open; empty where one is."""
-    if not found.parameters or any(p.significance > found.clear for p in found.parameters):
+    if found.is_clear:
         return ""
     few = f"{len(found.healthy)} healthy flight{'s do' if len(found.healthy) > 1 else ' does'}"
     nearer = " The suspect flights fit the model better than the healthy ones: are the two sides exchanged?"
