@@ -96,6 +96,11 @@ class Comparison(Result):
     weight: float
     ahead: Result | None = None
 
+    @property
+    def nearest(self) -> int:
+        """Which of the models leaves the least rms: the mean over axes of its logarithm."""
+        return int(np.argmin([np.nanmean(np.log(e.pooled.rms)) for e in self.evaluations]))
+
     def reduction(self, evaluation: Evaluation) -> Array:
         """Fraction (6,) of the first model's rms that is gone with this one."""
         return reduction(self.evaluations[0].pooled.rms, evaluation.pooled.rms)
