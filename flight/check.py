@@ -17,7 +17,7 @@ NAMES: dict[str, str] = {
     "gyroscope": "the unit of the gyroscope, and whether it shows the attitude's motion",
     "gyroscope-scale": "the scale of the gyroscope against the attitude, axis by axis",
     "accelerometer-scale": "the accelerometer against gravity and the odometry's acceleration, axis by axis",
-    "clipped": "flat tops of the IMU, or of all rotors, at one value",
+    "clipped": "flat tops of the IMU, of all rotors at one value, or of a rotor or an arm where others go on",
     "odometry-rate": "the unit of the odometry's own body rates",
     "velocity": "the odometry's velocity against its position",
     "odometry-scale": "the unit of the odometry against the accelerometer",

@@ -21,7 +21,7 @@ import numpy as np
 
 from wrenchgap.flight import so3
 from wrenchgap.flight.check import Check
-from wrenchgap.flight.checks.channels import is_clipped
+from wrenchgap.flight.checks.clipping import is_clipped
 from wrenchgap.flight.checks.motion import MotionMeans
 from wrenchgap.flight.checks.remedies import factor, option
 from wrenchgap.flight.checks.sensor_scales import Scale, sensor_scales

@@ -19,7 +19,7 @@ from dataclasses import replace
 import numpy as np
 
 from wrenchgap.flight.check import Check
-from wrenchgap.flight.checks.channels import is_clipped
+from wrenchgap.flight.checks.clipping import is_clipped
 from wrenchgap.flight.checks.remedies import factor, option, turns
 from wrenchgap.flight.checks.sensor_scales import Scale, sensor_scales
 from wrenchgap.flight.checks.sensor_windows import SCALE, comparable_blocks, detrended, odometry_delay

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wrenchgap.flight.checks.channels import clipped
+from wrenchgap.flight.checks.clipping import clipped
 from wrenchgap.flight.flight import Flight, ImuSeries
 
 TIME = np.arange(0.0, 20.0, 0.004)

@@ -118,7 +118,22 @@ def test_rotors_that_stop_at_one_value_are_said_and_full_throttle_is_not():
     assert found.words.startswith("the commands of 4 rotors stop at 630, one or more of them in ")
     assert "clipped" not in said(flown(speeds=lambda v: np.minimum(v / 630.0, 1.0)))
     one = said(flown(speeds=lambda v: np.stack((np.minimum(v[:, 0], 630.0), *v.T[1:]), axis=1)))
-    assert "clipped" not in one
+    assert "rotor_speed 0 stops at 630 in " in one["clipped"].words
+    assert one["clipped"].level == "bad"
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_an_arm_that_stops_where_others_go_beyond_is_said_and_the_limit_of_all_is_not(sign):
+    def tilting(limits):
+        flight = flown()
+        angle = sign * (0.4 + 0.5 * np.stack([np.sin(1.1 * TIME + k) for k in range(6)], axis=1))
+        tilt = np.clip(angle, -np.array(limits), np.array(limits))
+        return said(replace(flight, actuators=replace(flight.actuators, tilt=tilt)))
+
+    words = tilting([1.2, 1.2, 0.5, 1.2, 1.2, 1.2])["clipped"].words
+    assert words.startswith(f"tilt 2 stops at {sign * 0.5:.4g} in ")
+    assert "clipped" not in tilting([1.2] * 6)
+    assert "clipped" not in tilting([0.5] * 6)
 
 
 def test_a_rotor_that_is_logged_in_the_place_of_another_is_refused():
