@@ -46,8 +46,8 @@ DRAWS = 200
 """Of the model and the disturbance: a probability of 0.9 is known to 0.02."""
 PERIOD = 0.02
 """Of the samples along the trajectory [s]: four to a period of the filter's corner."""
-LONGEST = 600.0
-"""Of a trajectory [s]: 30,000 samples in 200 draws take half a minute and 0.5 GB."""
+SHORTEST, LONGEST = 1.0, 600.0
+"""Of a trajectory [s]: in less nothing moves; 30,000 samples in 200 draws take half a minute and 0.5 GB."""
 ROOM = 0.9
 """Share of what a part has that may be needed: the rest is for the controller, whose overshoot is not in the demand."""
 NO_GO = 0.5
@@ -172,7 +172,7 @@ def ready(
     model, contradicted = as_flown(flights, given)
     _check_conditions(payload, wind, voltage)
     plan = Plan(model, trajectory, duration)
-    _, _, path = prepare(plan, max_duration=LONGEST)
+    _, _, path = prepare(plan, min_duration=SHORTEST, max_duration=LONGEST)
     reference = (Flat(path) if pushes_along_z_only(model.vehicle) else path).at(np.arange(0.0, path.duration, PERIOD))
     check_sampled(reference, trajectory)
     volts, depends = _voltage(flights, model, voltage)

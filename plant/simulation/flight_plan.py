@@ -35,9 +35,9 @@ class Plan:
 
 
 def prepare(
-    plan: Plan, max_duration: float = 3600.0, max_excitation: float = 1000.0
+    plan: Plan, min_duration: float = 0.0, max_duration: float = 3600.0, max_excitation: float = 1000.0
 ) -> tuple[Model, Model, Trajectory]:
-    """True and believed vehicle, and trajectory of at most `max_duration` [s]; raises UsageError or ModelError.
+    """True and believed vehicle, and trajectory; raises UsageError, for other durations [s] too, or ModelError.
 
     The largest excitation is in usual ones: 100 m to and fro.
     """
@@ -45,8 +45,8 @@ def prepare(
         raise UsageError(f"--excitation {plan.excitation:g}: expected 0 to {max_excitation:g}; 1 is usual")
     if plan.seed < 0:
         raise UsageError(f"--seed {plan.seed}: expected a whole number that is not negative")
-    if plan.duration is not None and plan.duration > max_duration:
-        raise UsageError(f"--duration {plan.duration:g}: expected at most {max_duration:g} s")
+    if plan.duration is not None and not min_duration <= plan.duration <= max_duration:
+        raise UsageError(f"--duration {plan.duration:g}: expected {min_duration:g} to {max_duration:g} s")
     file = trajectory_file(plan)
     trajectory = named(plan.trajectory, plan.duration, plan.excitation, plan.seed) if file is None else file.trajectory
     if plan.duration is None and trajectory.duration > max_duration:

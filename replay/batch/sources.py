@@ -1,5 +1,6 @@
 """Which logs a batch is about: folders, globs, lists and object stores, by the names that fsspec knows."""
 
+import re
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -27,6 +28,11 @@ LONGEST = 255
 LISTS = (".txt", ".lst")
 """Endings of files with the name of one log in each line."""
 
+PLACE = re.compile(r"vehicle=([^/]+)/date=([^/]+)/([^/.]+)(\.failed)?\.parquet")
+"""Of a row, below the folder of its pass: vehicle, date, key, and whether its log failed."""
+ROW = re.compile(rf"/rows/pass=\d+/{PLACE.pattern}$")
+"""Of a row, which is no log: a batch may write below the folder of its logs."""
+
 
 @dataclass(frozen=True)
 class Source:
@@ -53,7 +59,7 @@ def logs_named(names: Sequence[str], vehicle: str | None = None) -> list[Source]
     """
     out: dict[str, Source] = {}
     for name in names:
-        some = list(_expanded(name, vehicle, set()))
+        some = [one for one in _expanded(name, vehicle, set()) if not ROW.search(one.url)]
         if not some:
             raise UsageError(
                 f"{name}: no logs found; expected .mcap, .bag, .db3, .ulg, .bin, .csv or .parquet files, a folder or "
@@ -192,7 +198,8 @@ def reached(url: str) -> Iterator[None]:
                 f"{url}: no access ({kind}: {said}); check the credentials (environment or profile) of the machines "
                 "that read it"
             ) from None
-        raise UsageError(f"{url}: cannot be read ({kind}: {said})") from None
+        why = said if isinstance(error, ValueError) else f"{kind}: {said}"
+        raise UsageError(f"{url}: cannot be read ({why})") from None
 
 
 @contextmanager

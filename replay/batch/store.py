@@ -10,7 +10,6 @@ store are the same to it (fsspec).
 
 import json
 import os
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -33,7 +32,7 @@ from wrenchgap.flight.work_files import lock
 from wrenchgap.learn.identify.trend import DATED, FlightValues, FollowedFlight
 from wrenchgap.learn.posterior.flight_evidence import unpacked
 from wrenchgap.plant.reader import Name, Names, NotNegative, Number, Positive, Table, Text, expected, quoted, read
-from wrenchgap.replay.batch.sources import folder_of, opened, reached
+from wrenchgap.replay.batch.sources import PLACE, folder_of, opened, reached
 from wrenchgap.replay.present.numbers import entries
 
 SCHEMA = pa.schema(
@@ -53,8 +52,6 @@ SCHEMA = pa.schema(
 HEAVY = ("result", "evidence")
 """Columns that a list of rows goes without."""
 FAILED = ".failed"
-PLACE = re.compile(r"vehicle=([^/]+)/date=([^/]+)/([^/.]+)(\.failed)?\.parquet")
-"""Of a row, below the folder of its pass: vehicle, date, key, and whether its log failed."""
 ALWAYS = ("key", "log", "status")
 """Columns that every row fills."""
 LONGEST_RUN = 2**22

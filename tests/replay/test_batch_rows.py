@@ -222,3 +222,11 @@ def test_rows_know_their_flights_again_by_samples(rows):
     texts = [json.loads(pq.ParquetFile(path).read().to_pylist()[0]["fit"]) for path in rows]
     assert all(len(text["signature"]) >= 100 for text in texts)
     assert not set(texts[0]["signature"]) & set(texts[1]["signature"])
+
+
+def test_rows_below_the_folder_of_the_logs_are_no_logs(done):
+    """A batch that wrote there took its own rows for flights of new vehicles, and more with every run."""
+    assert list(done.rglob("*.parquet"))
+    assert [one.name for one in sources.logs_named([str(done)])] == ["flight0.mcap", "flight1.mcap"]
+    with pytest.raises(UsageError, match="no logs found"):
+        sources.logs_named([f"{done}/compare/rows/**/*.parquet"])

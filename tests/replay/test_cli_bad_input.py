@@ -126,6 +126,7 @@ CASES = {
     "trend LOG TRAIN HEXA --vehicle alpha": "--vehicle alpha: does nothing with logs",
     "compare LOG HEXA --topic imu=/imu:stamp*1e12": "/imu:stamp*1e12 | a unit in which they are times",
     "simulate HEXA -t hover --hide com_offset=x:0.001,x:0.002 -o out.mcap": "a parameter is given twice",
+    "ready LOG HEXA --for hover --duration 1e-9": "--duration 1e-09: expected 1 to 600 s",
     "simulate HEXA -t hover --duration 1e-9 -o out.mcap": "two control periods, 0.01 s",
     "counterfactual LOG HEXA --gains integral=0 integral=0.1": "--gains integral: given twice",
     "counterfactual LOG HEXA --gains omega_attitude=1e308": "--gains omega_attitude=1e308 | up to 1e+12",
