@@ -1,6 +1,9 @@
 """The answer of `explain`: what is missing, how sure that is, what cannot be told apart, and what is left."""
 
+import numpy as np
+
 from wrenchgap.learn import Explanation, Verdict
+from wrenchgap.learn.posterior.verdict import UNEXPLAINED
 from wrenchgap.replay.present import fitted_effects, posterior, what_to_inspect
 from wrenchgap.replay.present.addition import granted_thrust
 from wrenchgap.replay.present.notes import too_short
@@ -52,7 +55,7 @@ def _around_groups(found: Explanation) -> tuple[list[str], list[str]]:
     grouped = {name for group in found.groups for name in group[0].split(" + ")}
     beside = [m for m in found.members if m.name not in grouped]
     names, by = posterior.members_in_words(found, beside or found.members)
-    before, after = [f"{by('Explained')} {names}."], []
+    before, after = [f"{by('Partly explained' if is_partial(found) else 'Explained')} {names}."], []
     match found.verdict:
         case Verdict.NOTHING if not short(found):
             before = [posterior.nothing_missing(found), posterior.nearest(found), posterior.unproven(found)]
@@ -73,6 +76,12 @@ def _around_groups(found: Explanation) -> tuple[list[str], list[str]]:
         after.append(f"{capitalised(shared)}.")
     after += [posterior.large_residual(found), posterior.largest_residual(found)]
     return [text for text in before if text], [text for text in after if text]
+
+
+def is_partial(found: Explanation) -> bool:
+    """Whether an axis keeps as much as the verdict calls structure, even if commands answered it, as they do gusts."""
+    after, least = found.rms_after, found.posterior.settings.structure * found.noise
+    return bool(np.any((after > least) & (after > UNEXPLAINED * found.rms_before)))
 
 
 def evidence(found: Explanation) -> list[str]:

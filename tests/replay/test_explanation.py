@@ -238,6 +238,8 @@ def test_that_flights_do_not_agree_is_said_first(named):
         "The flights do not agree: on torque_z what is left on average is -0.0200 Nm in monday, 0.0100 Nm in friday; "
     )
     assert brief(named)[0].text.startswith("Explained by")
+    half = replace(named, rms_after=np.maximum(0.5 * named.rms_before, 10.0 * named.noise))
+    assert brief(half)[0].text.startswith("Partly explained by")
 
 
 def test_that_nothing_is_missing_leaves_no_shared_constant_out(nothing):
