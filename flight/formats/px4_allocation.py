@@ -76,7 +76,20 @@ def allocation_of(said: Messages, motors: Table, control: Array) -> Array | None
     of_motors = np.asarray(motors.columns["timestamp_sample"])
     _, logged, asked = np.intersect1d(of_motors, sample, return_indices=True)
     fitted = off_limits[logged] & np.isfinite(setpoint[asked]).all(axis=1)
-    return _allocation(setpoint[asked[fitted]], control[logged[fitted]])
+    if np.count_nonzero(fitted) < FEWEST:
+        return None
+    asked_for, given = setpoint[asked[fitted]], control[logged[fitted]]
+    allocation = np.asarray(np.linalg.lstsq(asked_for, given, rcond=None)[0], dtype=float)
+    exact = np.abs(asked_for @ allocation - given).max(axis=0) < EXACT
+    if exact.all():
+        return allocation
+    if exact.sum() >= exact.size / 2:
+        said.notes.append(
+            f"{said.prefix}/actuator_motors: control {', '.join(map(str, np.flatnonzero(~exact)))} is not what the "
+            "setpoints of thrust and torque make, which give the others exactly: limited or changed after them, or "
+            "that of a motor taken for failed."
+        )
+    return None
 
 
 def _contradicted(of_motors: Array, found: tuple[Array, Table, Array], command: Array, control: Array) -> Mask:
@@ -107,14 +120,6 @@ def _setpoints(said: Messages) -> tuple[Array, Table, Array] | None:
 def _lowest(control: Array) -> float:
     """Of motors that turn both ways -1, of others 0."""
     return -1.0 if np.nanmin(control) < 0.0 else 0.0
-
-
-def _allocation(setpoint: Array, control: Array) -> Array | None:
-    """The matrix (6, R) that turns setpoints (N, 6) into motor commands (N, R); None where none does."""
-    if len(control) < FEWEST:
-        return None
-    allocation = np.asarray(np.linalg.lstsq(setpoint, control, rcond=None)[0], dtype=float)
-    return allocation if np.abs(setpoint @ allocation - control).max() < EXACT else None
 
 
 def sent(table: Table) -> Array:

@@ -76,6 +76,7 @@ def test_at_a_limit_and_while_disarmed_the_logged_command_is_held(log, tmp_path)
 def test_motors_that_the_setpoints_do_not_give_are_left_as_logged(log, tmp_path):
     found = Vehicle(fails=15.0).flight(log, tmp_path / "a.ulg")
     assert len(found.actuators.time) == 10 * SECONDS
+    assert any("control 0 is not what the setpoints" in note for note in found.notes)
 
 
 def test_motors_that_are_logged_as_fast_are_left_as_logged(log, tmp_path):
