@@ -4,10 +4,12 @@ A model is never changed, it is replaced: what was there before comes back with 
 is computed from the present model is kept until the model changes.
 """
 
+from __future__ import annotations
+
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
@@ -24,6 +26,7 @@ from wrenchgap.plant.model import Model
 from wrenchgap.plant.wrench_model import ModelEffect, WrenchModel
 
 T = TypeVar("T")
+Question = Literal["explain", "changed"]
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,15 @@ class Revision:
     trial: Trial | None = None
 
 
+@dataclass(frozen=True)
+class Found:
+    """What was found on a flight, on top of which model, and what that was called."""
+
+    result: Any
+    model: Model
+    name: str
+
+
 class WorkingModel:
     """Open flights by name, a model that changes, and where given a GP that was learnt on the model as opened.
 
@@ -53,6 +65,8 @@ class WorkingModel:
         self.lock = threading.RLock()
         self.revisions = [Revision(model, "", tuple(e.name for e in model.effects))]
         """The model as it was opened, and after every change since."""
+        self.found: dict[tuple[Question, str], Found] = {}
+        """What was found, by question and flight; it stays when the model changes."""
         self._undone: list[Revision] = []
         self._saved = model if saved else None
         found, self.notes = predictors(model, (), gp, flights[0].records[0].cutoff_hz)
@@ -84,6 +98,16 @@ class WorkingModel:
     def saved(self) -> bool:
         """Whether a file says the same as the model."""
         return self.model is self._saved
+
+    def keep_found(self, before: WorkingModel) -> None:
+        """Take over what was found `before` with this very model, on flights that are here as they were there."""
+        if before.model is not self.opened_model:
+            return
+        hashes = {name: one.flight.content_hash for name, one in before.flights.items()}
+        same = {name for name, one in self.flights.items() if hashes.get(name) == one.flight.content_hash}
+        for (question, flight), one in before.found.items():
+            if {flight, *(one.result.healthy if question == "changed" else ())} <= same:
+                self.found[question, flight] = one
 
     def change(self, revision: Revision, *, instead: bool = False, depth: int = 200) -> None:
         """Make another model the current one; `instead` of the last change where that was a part of this one.

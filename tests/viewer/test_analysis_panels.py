@@ -22,6 +22,7 @@ from wrenchgap.replay.session.panels.effects import NEXT, EffectsPanel
 from wrenchgap.replay.session.panels.failure import VIEWS, FailurePanel
 from wrenchgap.replay.session.panels.ready import ReadyPanel
 from wrenchgap.replay.session.saving import SaveFolder
+from wrenchgap.replay.session.working_model import Found
 from wrenchgap.viewer import panel as panels
 from wrenchgap.viewer.page import Page
 from wrenchgap.viewer.scene_drawing import tidy
@@ -366,13 +367,13 @@ def test_a_search_names_the_effect_and_its_link_adds_it(page, effects, work):
 
 
 def test_a_cancelled_search_leaves_nothing_behind(page, effects, eventually):
-    effects.searches.clear()
+    effects.effects.working.found.clear()
     press(effects.work.button)
     press(effects.work.stop)
     assert not effects.work.running
     assert effects.work.button.visible
     eventually(lambda: not any(job.is_alive() for job in page._jobs))
-    assert effects.searches == {}
+    assert effects.effects.working.found == {}
     assert page.told == []
 
 
@@ -428,7 +429,7 @@ def test_unknown_is_said_plainly_and_leads_to_the_next_flight(page, effects, eve
     monkeypatch.setattr(answer, "answer", lambda found: [SENTENCE])
     monkeypatch.setattr(answer, "evidence", lambda found: ["It comes and goes."])
     monkeypatch.setattr(explanation, "open_in_words", lambda found: ("no further effect stands out",))
-    effects.searches["train"] = UNKNOWN, "tilt_hexarotor"
+    effects.effects.working.found["explain", "train"] = Found(UNKNOWN, effects.effects.working.model, "tilt_hexarotor")
     effects.opened(page.scene)
     assert "NOT IN THE CATALOGUE" in effects.found.content
     assert "no effect of the catalogue explains" in effects.found.content
@@ -447,7 +448,7 @@ def test_unknown_is_said_plainly_and_leads_to_the_next_flight(page, effects, eve
     assert "exists already" in str(page.told[-1])
     press(effects.plan_clear)
     assert NEXT not in page.drawing._curves
-    effects.searches.clear()
+    effects.effects.working.found.clear()
 
 
 def test_slider_steps_are_round_numbers():

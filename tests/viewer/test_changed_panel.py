@@ -52,7 +52,7 @@ def panel(page, monkeypatch):
     listening(page)
     page.open("train")
     made = panel_of(page, ChangedPanel)
-    made.found.clear()
+    made.comparisons.working.found.clear()
     for tick in made.healthy.values():
         move(tick, True)
     made.added = []

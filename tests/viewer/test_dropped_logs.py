@@ -2,12 +2,13 @@
 
 import pytest
 
-from tests.replay.autopilot_logs import flight, write_ulog
-from tests.viewer.test_analysis_panels import move
+from tests.replay.autopilot_logs import MASS, flight, write_ulog
+from tests.viewer.test_analysis_panels import move, press
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.replay.session.intake import Intake
 from wrenchgap.replay.session.panels import logs
 from wrenchgap.replay.session.panels.logs import of_page, session_of
+from wrenchgap.replay.session.working_model import Found
 from wrenchgap.viewer.file_drop import FileDrop
 from wrenchgap.viewer.page import Page
 
@@ -161,3 +162,31 @@ def test_the_vehicle_of_the_form_is_drawn_before_there_is_a_model(page, said):
     move(form.source, "crazyflie")
     assert form.preview.content == ""
     assert said == []
+
+
+def test_what_was_found_on_a_log_stays_when_another_one_is_dropped(page, said, log, once, tmp_path, eventually):
+    """It takes a minute to find, and a second log is dropped to compare with."""
+    other = write_ulog(once("autopilot flight 2", lambda: flight(2)), tmp_path / "other.ulg").read_bytes()
+
+    def after(act):
+        before = panel(page)
+        act()
+        eventually(lambda: panel(page) is not before, str(said), 60.0)
+
+    def modelled():
+        form = panel(page)
+        move(form.mass, MASS)
+        move(form.arm, 0.26)
+        after(lambda: press(form.make.button))
+
+    after(lambda: send(page, "first.ulg", log))
+    modelled()
+    (name,), working = page.session.flights, page.session.working
+    working.found["explain", name] = Found("what is missing", working.model, working.name)
+    working.found["explain", "gone"] = Found("of no flight here", working.model, working.name)
+    after(lambda: send(page, "second.ulg", other))
+    assert len(page.session.flights) == 2
+    ((key, one),) = page.session.working.found.items()
+    assert (key, one.result) == (("explain", name), "what is missing")
+    modelled()  # another model, though of the same numbers
+    assert page.session.working.found == {}

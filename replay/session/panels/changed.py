@@ -23,7 +23,7 @@ from wrenchgap.replay.present.numbers import number, unit
 from wrenchgap.replay.present.what_to_inspect import sentences as what_to_inspect
 from wrenchgap.replay.session.panels import html
 from wrenchgap.replay.session.worker import worker_result
-from wrenchgap.replay.session.working_model import Revision, WorkingModel
+from wrenchgap.replay.session.working_model import Found, Revision, WorkingModel
 from wrenchgap.viewer.host import Host
 from wrenchgap.viewer.markup import sentences
 from wrenchgap.viewer.panel import JobControls, Links, Panel
@@ -94,8 +94,6 @@ class ChangedPanel(Panel):
     def __init__(self, host: Host, comparisons: SessionComparisons) -> None:
         super().__init__(host)
         self.comparisons = comparisons
-        self.found: dict[str, tuple[Changed, str]] = {}
-        """What changed, by suspect flight, and on top of which model."""
         self._followed = ""
         gui = host.gui
         with host.tab("Changed"):
@@ -132,10 +130,11 @@ class ChangedPanel(Panel):
         if not healthy:
             raise UsageError("tick at least one flight as healthy to compare with")
 
-        model = self.comparisons.working.name
+        working = self.comparisons.working
+        model, name = working.model, working.name
 
         def done(found: Changed) -> None:
-            self.found[suspect] = found, model
+            working.found["changed", suspect] = Found(found, model, name)
             self._draw()
 
         self.work.start(lambda report: self.comparisons.of(suspect, healthy, report), done)
@@ -160,10 +159,11 @@ class ChangedPanel(Panel):
 
     def _draw(self) -> None:
         self.links.start()
-        if self.host.scene.name not in self.found:
+        was = self.comparisons.working.found.get(("changed", self.host.scene.name))
+        if was is None:
             self.answer.content = ""
             return
-        found, model = self.found[self.host.scene.name]
+        found, model = was.result, was.name
         something = found.verdict is not Verdict.NOTHING
         shown = [k for k in range(len(AXES)) if any(np.isfinite(row.mean[k]) for row in found.rows)]
         usual = np.mean([r.mean for r in found.rows if r.role == "healthy"], axis=0)

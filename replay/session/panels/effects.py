@@ -17,6 +17,7 @@ from wrenchgap.replay.present.notes import not_tried
 from wrenchgap.replay.session.effects import SessionEffects
 from wrenchgap.replay.session.panels import html
 from wrenchgap.replay.session.panels.html import finer
+from wrenchgap.replay.session.working_model import Found
 from wrenchgap.viewer.host import Host, download
 from wrenchgap.viewer.markup import sentences
 from wrenchgap.viewer.panel import JobControls, Links, Panel, is_long
@@ -26,7 +27,6 @@ from wrenchgap.viewer.session import Motion, Scene
 if TYPE_CHECKING:
     from wrenchgap.learn import Design, Explanation
     from wrenchgap.learn.discover.discover import Discovery
-    from wrenchgap.plant import Model
 
 VERDICTS = {
     "effect": "missing",
@@ -51,9 +51,6 @@ class EffectsPanel(Panel):
         self.effects = effects
         self.available: tuple[str, ...] = ()
         self._flight: str | None = None
-        self.searches: dict[str, tuple[Explanation, str]] = {}
-        """What was found to be missing, by flight, and on top of which model."""
-        self.searched: dict[str, Model] = {}
         self.designed: Design | None = None
         gui, connect = host.gui, host.connect
         with host.tab("Effects"):
@@ -118,8 +115,8 @@ class EffectsPanel(Panel):
         self.inside.content = html.render("installed", effects=installed, vehicle=self.host.session.vehicle)
         self.sliders.show(installed)
         self.refit.visible = bool(installed)
-        found = self.searches.get(scene.name)
-        self.found.content = "" if found is None else self._search_html(*found)
+        found = working.found.get(("explain", scene.name))
+        self.found.content = "" if found is None else self._search_html(found.result, found.name)
         self.law.forget()
         beside, self._flight = is_long(scene) and scene.name != self._flight, scene.name
         if beside:
@@ -162,9 +159,9 @@ class EffectsPanel(Panel):
 
     def _last(self) -> Explanation | None:
         """What was found of the flight that is shown, if on top of the model as it stands, values and all."""
-        flight = self.host.scene.name
-        same = self.searched.get(flight) is self.effects.working.model
-        return self.searches[flight][0] if same and flight in self.searches else None
+        working = self.effects.working
+        found = working.found.get(("explain", self.host.scene.name))
+        return found.result if found is not None and found.model is working.model else None
 
     def add(self, *names: str) -> None:
         """Put effects into the model, fitted on the flight shown."""
@@ -189,11 +186,11 @@ class EffectsPanel(Panel):
         self.host.refresh()
 
     def _explain(self) -> None:
-        flight, model, searched = self.host.scene.name, self.effects.working.name, self.effects.working.model
+        flight, working = self.host.scene.name, self.effects.working
+        model, name = working.model, working.name
 
         def done(found: Explanation) -> None:
-            self.searched[flight] = searched
-            self.searches[flight] = found, model
+            working.found["explain", flight] = Found(found, model, name)
             self.opened(self.host.scene)
 
         self.work.start(lambda report: self.effects.explain(flight, report), done)

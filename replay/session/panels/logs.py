@@ -163,6 +163,8 @@ class LogsPanel(Panel):
             try:
                 made = change(now, report)
                 session = session_of(made, report)
+                if working is not None and (new := getattr(session, "working", None)) is not None:
+                    new.keep_found(working)
                 kept = made.logs
             except WrenchgapError as error:
                 raise type(error)(of_page(str(error))) from None
