@@ -197,7 +197,8 @@ class Baseline:
 
         def firm_with(one: Injection) -> Sequence[str]:
             tell(0.9, f"with {one.effect} injected")
-            flights = [replace(f, records=one.into(f.records, self.model)) for f in suspects]
+            accept = ("vehicles",)  # what is injected may be as large as what tells vehicles apart
+            flights = [replace(f, records=one.into(f.records, self.model), accept=accept) for f in suspects]
             return self._against(flights, silent, limits_of=()).firm
 
         with threadpool_limits(1, user_api="blas"):  # so that digits do not depend on how many there are

@@ -27,6 +27,7 @@ from wrenchgap.learn.diagnose.timing import unfollowed_axes
 from wrenchgap.learn.identify.bias_and_trim import WORTH, means_of_flights, scatter_between, typical_trim
 from wrenchgap.learn.identify.least_squares import left_by
 from wrenchgap.learn.posterior.columns import Column
+from wrenchgap.learn.posterior.injection import Injection
 from wrenchgap.learn.posterior.settings import DEFAULT
 from wrenchgap.replay.present.changed import summary, what_next
 from wrenchgap.replay.present.what_to_inspect import sentences as inspect
@@ -162,6 +163,19 @@ def test_nothing_changed_is_said(well):
 
 
 @pytest.mark.slow
+def test_what_is_injected_is_not_refused_as_another_vehicle(baseline, flown, wrong, monkeypatch):
+    """A thrust of 1.6 times as much is told as other commands, where a flight comes with it."""
+    asked = []
+
+    def inject(limits, firm, model, number, seed, search):
+        asked.append(search(Injection("thrust_scale", np.array([0.6]))))
+        return ()
+
+    monkeypatch.setattr("wrenchgap.learn.changed.changed.recoveries", inject)
+    baseline.against(open_flights([flown(seed=7)[0]], wrong), injections=1)
+    assert len(asked) == 1
+
+
 def test_one_healthy_flight_is_enough_for_a_large_change_and_the_answer_says_so(flown, against):
     found = against([flown("com_offset", {"x": 0.009, "y": 0.0, "z": 0.0})[0]], [flown(seed=1)[0]])
     assert not found.scatter_known
