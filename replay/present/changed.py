@@ -129,8 +129,8 @@ def what_next(found: Changed, healthy: Sequence[str], model: str, options: str =
         other = f"wrenchgap changed {exchanged} -m {shlex.quote(model)}{options}"
         return [Line(f"next, if the sides were exchanged: {other}")]
     if found.verdict is not Verdict.NOTHING:
-        unlike = found.louder and what_to_inspect.unlike_rates(found)
-        first = "fly again" if unlike else "mend it, fly again, and see whether it is gone"
+        open_still = what_to_inspect.unlike_rates(found) if found.louder else not found.is_clear
+        first = "fly again" if open_still else "mend it, fly again, and see whether it is gone"
         return [Line(f"next: {first}: wrenchgap changed NEW_LOG {against}")]
     kind = "flights of both kinds" if found.scatter_known else "healthy flights"
     said = f"more {kind}, or excitation on all axes, show smaller changes"

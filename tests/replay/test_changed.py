@@ -170,6 +170,9 @@ def test_healthy_flights_that_are_farther_from_the_model_may_be_the_suspect_ones
     chance = tuple(replace(p, scatter=10.0 * abs(p.change)) for p in found.parameters)
     open_one = replace(found, firm=(), parameters=chance)
     assert ("are the two sides exchanged?" in presented.summary(open_one)) == asked
+    if not asked:
+        assert presented.what_next(found, ["a"], "m")[0].text.startswith("next: mend it")
+        assert presented.what_next(open_one, ["a"], "m")[0].text.startswith("next: fly again: "), "nothing to mend yet"
 
 
 def test_a_constant_change_without_a_name_says_its_axis_and_what_to_inspect(moved):
