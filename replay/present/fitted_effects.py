@@ -136,6 +136,8 @@ def is_of_no_thrust(found: Explanation) -> bool:
     """Whether a constant wrench is clearly none that goes with the thrust: what these would differ by is its size times
     how much the force varied, over its mean, in standard errors of the size.
     """  # noqa: D205
+    if not found.flights:  # which those that keep an answer for long may have put down
+        return False
     force = np.concatenate([r.commanded[:, :3] for f in found.flights for r in f.records])
     varied = np.sqrt(force.var(axis=0).sum()) / np.linalg.norm(force.mean(axis=0))
     sizes = [abs(v.value) / v.std for v in found.fit.values("constant_wrench") if v.std]

@@ -30,6 +30,8 @@ class InspectionThresholds:
     """Probability of one place from which on no other is named."""
     likely: float = 0.05
     """Probability from which on a place is worth a look."""
+    perhaps: float = 2.0
+    """Standard deviations of a change that is not established from which on a look is worth it: M1 had 1.7 for M3."""
     nearer: float = 1.4
     """Times by which the mean torque of healthy flights is farther from the model than that of suspect ones where the
     two sides may be exchanged. Of 16 pairs of real flights: 1.6 to 2.1 where they were and a propeller was cut by 2 mm
@@ -71,6 +73,7 @@ YAW_BIAS = "a twisted motor mount or arm, then propellers of two kinds"
 LOADS = ("com_offset", "payload", "mass", "accelerometer_bias", "imu_misalignment", "command_delay", "tilt_scale")
 """Those of which a model that lacks them says that something is to be looked at."""
 NOTHING = "Nothing is established that asks for an inspection; a change smaller than those listed here would not show."
+MORE = "Look at what was touched between these flights; `wrenchgap trend` of all of them tells when it came."
 PERHAPS = "Nothing is established to inspect; a look at {0} costs little: it is where the likeliest change would be."
 REGAINED = (
     "{0} lifts more than on the healthy flights: its propeller is new, or flights with damage were given as the "
@@ -97,8 +100,9 @@ def sentences(found: Changed) -> list[str]:
     """What to inspect, the most significant first."""
     if found.verdict is Verdict.NOTHING:
         likely = likeliest(found)
-        places = [] if likely is None else [a.largest.where for a in found.alone if a.effect in likely.names]
-        return [PERHAPS.format(places[0]) if places and places[0] else NOTHING]
+        alone = [] if likely is None else [a.largest for a in found.alone if a.effect in likely.names]
+        clear = [one.where for one in alone[:1] if one.where and one.significance > INSPECTION.perhaps]
+        return [PERHAPS.format(clear[0]) if clear else MORE if beyond_these(found) else NOTHING]
     if found.verdict is Verdict.CHANGED and len(found.names) > AT_ONCE:
         return [NO_NAME]
     out = []
@@ -282,9 +286,7 @@ def _of_whole(name: str, by: Mapping[str, float], vehicle: Vehicle, is_so: str) 
 
 
 def unlike_rates(found: Changed, most: float = 1.5) -> str:
-    """That the IMU came at another rate on suspect flights, by this factor, which may make all of a larger error: less
-    of the motion is in it, and what is faster is folded into it. Empty where it did not.
-    """  # noqa: D205
+    """That the IMU came at another rate on suspect flights, by this factor, which may alone make a larger error."""
     rates: dict[bool, list[float]] = {True: [], False: []}
     for one in found.flights:
         if one.flight.imu is not None:

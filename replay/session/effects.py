@@ -203,7 +203,8 @@ class SessionEffects:
         """What is missing in the current model; searched for in a process of its own, for long."""
         with self.working.lock:
             model, opened = self.working.model, self.working.flight(flight)
-        return worker_result(lambda tell: replace(wg.explain(opened, model, progress=tell), flights=()), report)
+        found = worker_result(lambda tell: replace(wg.explain(opened, model, progress=tell), flights=()), report)
+        return replace(found, flights=(opened,))
 
     def discover(self, flight: str, known: Explanation | None, report: Report) -> Discovery:
         """The law of what is left beside what `known` says, or a new search; looked for in its own process."""

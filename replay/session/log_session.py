@@ -121,7 +121,8 @@ class LogSession:
         from wrenchgap.replay.present.report import Repetition, page
 
         working, model, one = self.working, self.model, self.working.flight(flight)
-        others = [opened for name, opened in working.flights.items() if name != flight]
+        fitted = {sha for effect in model.effects for _, sha in effect.provenance.logs}
+        others = [o for n, o in working.flights.items() if n != flight and o.flight.content_hash not in fitted]
         name = str(model.path) if working.saved and model.path is not None else UNSAVED
         words = ["wrenchgap", "report", str(one.flight.path), "-m", name]
         words += ["--validate", *(str(o.flight.path) for o in others)] if others else []

@@ -107,6 +107,8 @@ class WorkingModel:
         same = {name for name, one in self.flights.items() if hashes.get(name) == one.flight.content_hash}
         for (question, flight), one in before.found.items():
             if {flight, *(one.result.healthy if question == "changed" else ())} <= same:
+                if question == "explain":  # the flight as it is open now, not as it was then
+                    one = replace(one, result=replace(one.result, flights=(self.flights[flight],)))
                 self.found[question, flight] = one
 
     def change(self, revision: Revision, *, instead: bool = False, depth: int = 200) -> None:

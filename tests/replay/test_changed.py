@@ -73,6 +73,16 @@ def test_what_is_likely_but_not_established_is_neither_nothing_nor_a_finding(sam
     assert what_to_inspect.likeliest(same) is None
 
 
+def test_the_place_of_a_change_that_is_not_established_is_told_above_two_standard_deviations(moved):
+    """M1 was to be looked at where M3 had been cut by 1 mm: it was the largest change, of 1.4 and 1.7."""
+    likely = (replace(moved.classes[0], sets=(replace(moved.classes[0].sets[0], weight=0.89),)),)
+    size = Size("com_offset", "x", 0.0, 0.01, -0.03, 0.01, "m", "M<1>")
+    for scatter, told in ((0.008, True), (0.018, False)):
+        alone = (replace(moved.alone[0], effect="com_offset", sizes=(replace(size, scatter=scatter),)),)
+        torn = replace(moved, verdict=Verdict.NOTHING, firm=(), nothing=0.11, classes=likely, alone=alone)
+        assert ("a look at M<1> costs little" in what_to_inspect.sentences(torn)[0]) == told
+
+
 def test_of_more_changes_at_once_than_are_likely_none_is_firm(logs, moved, monkeypatch, unlimited):
     """The same change, were one already more than can be believed at once."""
     monkeypatch.setattr(searching, "AT_ONCE", 0)

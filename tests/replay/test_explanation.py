@@ -106,6 +106,7 @@ def test_a_constant_wrench_is_said_as_check_says_it_and_as_sure_as_it_is(named, 
     (words,) = what_to_inspect.of_explanation(replace(named, members=(member,), fit=fitted))
     assert "a cable" in words  # the thrust turned to all sides, and the wrench with none of them
     assert "centre of mass 12 mm" not in words
+    assert what_to_inspect.of_explanation(replace(named, members=(member,), fit=fitted, flights=()))
     named = replace(named, flights=tuple(map(in_hover, named.flights)))
     (words,) = what_to_inspect.of_explanation(replace(named, members=(member,), fit=fitted))
     assert "wrench, this does not tell: a centre of mass 12 mm towards the back (" in words

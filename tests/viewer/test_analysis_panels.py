@@ -10,11 +10,15 @@ import psutil
 import pytest
 
 import wrenchgap as wg
+from wrenchgap.flight.errors import UsageError
 from wrenchgap.learn.diagnose.where import Source
 from wrenchgap.learn.posterior.verdict import Verdict
 from wrenchgap.learn.process.gp import FitSettings
+from wrenchgap.plant.effects import find
 from wrenchgap.plant.model_file import loads
+from wrenchgap.plant.wrench_model import ModelEffect, Provenance
 from wrenchgap.replay.present import answer, design, explanation
+from wrenchgap.replay.session import log_session
 from wrenchgap.replay.session.log_session import LogSession
 from wrenchgap.replay.session.panels.allocation import AllocationPanel
 from wrenchgap.replay.session.panels.compensation import CompensationPanel
@@ -22,7 +26,7 @@ from wrenchgap.replay.session.panels.effects import NEXT, EffectsPanel
 from wrenchgap.replay.session.panels.failure import VIEWS, FailurePanel
 from wrenchgap.replay.session.panels.ready import ReadyPanel
 from wrenchgap.replay.session.saving import SaveFolder
-from wrenchgap.replay.session.working_model import Found
+from wrenchgap.replay.session.working_model import Found, Revision
 from wrenchgap.viewer import panel as panels
 from wrenchgap.viewer.page import Page
 from wrenchgap.viewer.scene_drawing import tidy
@@ -531,3 +535,23 @@ def test_the_flight_is_re_simulated_as_a_ghost(compensated, work):
     ghost = compensated.scene_panel.ghost_of("re-simulated")
     assert ghost.time[-1] - ghost.time[0] == pytest.approx(3.0, abs=0.1)
     assert "re-simulated" in compensated.scene_panel.ghost.options
+
+
+def test_a_report_tests_on_flights_that_the_model_was_not_fitted_to(page, monkeypatch):
+    """A flight that an effect had been fitted to was called unseen."""
+    session, tested = page.session, []
+
+    def reported(one, model, *, validate, gp, progress):
+        tested.append([o.records[0].flight for o in validate])
+        raise UsageError("enough")
+
+    monkeypatch.setattr(log_session.wg, "report", reported)
+    model, working = session.model, session.working
+    logs = (("train.mcap", working.flight("train").flight.content_hash),)
+    effect = ModelEffect(find("mass"), np.array([0.1]), provenance=Provenance(logs))
+    for now in (model, model.with_replaced([effect])):
+        working.change(Revision(now, "a change", ()))
+        with pytest.raises(UsageError, match="enough"):
+            session.report("test", lambda *_: None)
+        working.undo()
+    assert tested == [["train"], []]

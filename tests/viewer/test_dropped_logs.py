@@ -1,10 +1,13 @@
 """The page that takes logs, without a browser: what is kept of what was dropped, and what the server keeps of it."""
 
+from dataclasses import dataclass
+
 import pytest
 
 from tests.replay.autopilot_logs import MASS, flight, write_ulog
 from tests.viewer.test_analysis_panels import move, press
 from wrenchgap.flight.errors import ModelError
+from wrenchgap.learn import OpenFlight
 from wrenchgap.replay.session.intake import Intake
 from wrenchgap.replay.session.panels import logs
 from wrenchgap.replay.session.panels.logs import of_page, session_of
@@ -15,6 +18,14 @@ from wrenchgap.viewer.page import Page
 
 def quiet(share, words):
     """Progress that nobody reads."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a search found, as far as the page asks."""
+
+    words: str
+    flights: tuple[OpenFlight, ...] = ()
 
 
 @pytest.fixture
@@ -182,11 +193,12 @@ def test_what_was_found_on_a_log_stays_when_another_one_is_dropped(page, said, l
     after(lambda: send(page, "first.ulg", log))
     modelled()
     (name,), working = page.session.flights, page.session.working
-    working.found["explain", name] = Found("what is missing", working.model, working.name)
-    working.found["explain", "gone"] = Found("of no flight here", working.model, working.name)
+    working.found["explain", name] = Found(Answer("what is missing"), working.model, working.name)
+    working.found["explain", "gone"] = Found(Answer("of no flight here"), working.model, working.name)
     after(lambda: send(page, "second.ulg", other))
     assert len(page.session.flights) == 2
     ((key, one),) = page.session.working.found.items()
-    assert (key, one.result) == (("explain", name), "what is missing")
+    assert (key, one.result.words) == (("explain", name), "what is missing")
+    assert one.result.flights == (page.session.working.flight(name),)
     modelled()  # another model, though of the same numbers
     assert page.session.working.found == {}

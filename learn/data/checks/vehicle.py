@@ -261,8 +261,8 @@ def _actuation(flight: Flight, records: Sequence[Record], model: Model, *, known
     by_actuators = force_and_torque(rms(np.concatenate([r.measured - common * predict(r, nominal) for r in records])))
     if not known and np.any(by_actuators > RECORDS.followed * by_wrench):
         left = " against ".join(f"{f:.3g} N and {t:.3g} Nm" for f, t in (by_wrench, by_actuators))
-        ask = f"a column of the log is off, or {vehicle.name} is not the model of this vehicle"
-        return [Check("actuation", "bad", f"{words}, and the vehicle followed W_cmd ({left} are left): {ask}")]
+        says = "what is found missing may be off in a column of the log or in the model file, and not on the vehicle"
+        return [Check("actuation", "warn", f"{words}, and the vehicle followed W_cmd ({left} are left): {says}.")]
     if force > 0.1 * whole or torque > 0.5 * max(turn, 1e-9):
         remedy = "check order of rotors, spin, c_f and tilt signs in the model file, or saturation."
         return [Check("actuation", "warn", f"{words}: {remedy}")]
