@@ -286,7 +286,7 @@ def _of_whole(name: str, by: Mapping[str, float], vehicle: Vehicle, is_so: str) 
 
 
 def unlike_rates(found: Changed, most: float = 1.5) -> str:
-    """That the IMU came at another rate, by this factor, which alone may make a larger error; empty where it did not."""
+    """That the IMU came at another rate, by this factor, which alone may make a larger error; empty where not."""
     rates: dict[bool, list[float]] = {True: [], False: []}
     for one in found.flights:
         if one.flight.imu is not None:
