@@ -430,13 +430,14 @@ def test_unknown_is_said_plainly_and_leads_to_the_next_flight(page, effects, eve
     monkeypatch.setattr(page.session.effects, "next_flight", designed)
     monkeypatch.setattr(page.session.effects, "trajectory_text", lambda found: "x = 1\n")
     monkeypatch.setattr(design, "sentence", lambda found: "This flight separates them.")
-    monkeypatch.setattr(answer, "answer", lambda found: [SENTENCE])
+    monkeypatch.setattr(answer, "answer", lambda found: [SENTENCE, "Or one other (--details)."])
     monkeypatch.setattr(answer, "evidence", lambda found: ["It comes and goes."])
     monkeypatch.setattr(explanation, "open_in_words", lambda found: ("no further effect stands out",))
     effects.effects.working.found["explain", "train"] = Found(UNKNOWN, effects.effects.working.model, "tilt_hexarotor")
     effects.opened(page.scene)
     assert "NOT IN THE CATALOGUE" in effects.found.content
     assert "no effect of the catalogue explains" in effects.found.content
+    assert "Or one other (below)." in effects.found.content, "the page has no options"
     assert "&lt;b&gt;It swings" in effects.found.content, "text from outside is no HTML"
     follow_to(effects, effects.found.content, "separate servo_lag")
     eventually(lambda: not effects.design.running)

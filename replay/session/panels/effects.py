@@ -139,7 +139,7 @@ class EffectsPanel(Panel):
         return html.render(
             "search",
             found=found,
-            summary=answer.in_full(found),
+            summary=answer.in_full(found).replace(" (--details)", " (below)"),
             evidence=answer.evidence(found),
             values=values,
             open=explanation.open_in_words(found),
