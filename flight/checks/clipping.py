@@ -43,9 +43,12 @@ CLIPPING = ClippingThresholds()
 
 @dataclass(frozen=True)
 class Clipped:
-    """A channel at one end of its range: the `value`, and the `count` and `share` of its samples there."""
+    """A channel at the upper (`sign` 1) or lower (-1) end of its range: the `value`, and how many of its samples are
+    there, `count` and `share`.
+    """  # noqa: D205
 
     name: str
+    sign: float
     value: float
     count: int
     share: float
@@ -72,23 +75,23 @@ def is_clipped(found: Sequence[Check], sensor: str) -> bool:
 
 
 def flat_tops(
-    name: str, values: Array, readings: Sequence[Array], largest_share: float | None = None
+    name: str, values: Array, readings: Sequence[Array], largest_share: float = CLIPPING.largest_share
 ) -> Iterator[Clipped]:
     """The ends of a channel (N,) at which it is clipped; `readings` (N, C) are the channels of all sensors.
 
-    With more than `largest_share` of the samples at an end it is not, that of `CLIPPING` where none is given.
+    With more than `largest_share` of the samples at an end it is not clipped.
     """
     for sign in (1.0, -1.0):
         end = float(values.max() if sign > 0.0 else values.min())
         at = values == end
-        count, most = int(np.count_nonzero(at)), (largest_share or CLIPPING.largest_share) * len(values)
+        count, most = int(np.count_nonzero(at)), largest_share * len(values)
         if not np.isfinite(end) or end == 0.0 or not CLIPPING.fewest_samples <= count < most:
             continue  # no range ends at zero: a simulator without noise rests there
         repeated = [slice(a, b) for a, b in runs(at) if b - a > 1]
         going_on = (r for r in repeated if any(np.any(np.abs(np.diff(v[r], axis=0)) > 0.0) for v in readings))
         flat = sum(r.stop - r.start for r in going_on)
         if flat >= CLIPPING.fewest_samples and count > CLIPPING.oftener * _most_beside(sign * values, sign * end):
-            yield Clipped(name, end, count, count / len(values))
+            yield Clipped(name, sign, end, count, count / len(values))
 
 
 def _most_beside(values: Array, top: float) -> int:
@@ -122,18 +125,12 @@ def _stopped(kind: str, values: Array) -> Iterator[Check]:
     """Single ones of these commands (N, C) that stop at a value which others go beyond; of rotors at a highest one, as
     all stand at their idle speeds before a flight.
     """  # noqa: D205
-    found = [
-        c
-        for k, column in enumerate(values.T)
-        for c in flat_tops(f"{kind} {k}", column, (values,), CLIPPING.most_of_one)
-        if (c.value == column.max() and c.value < values.max())
-        or (c.value == column.min() and c.value > values.min() and kind != "rotor_speed")
-    ]
+    ends = {1.0: values.max(initial=-np.inf), -1.0: values.min(initial=np.inf)}
+    flat = [c for k, v in enumerate(values.T) for c in flat_tops(f"{kind} {k}", v, (values,), CLIPPING.most_of_one)]
+    found = [c for c in flat if c.value != ends[c.sign] and (c.sign > 0.0 or kind == "tilt")]
     if found and len({c.name for c in found}) < values.shape[1] / 2:
         said = " and ".join(f"{c.name} stops at {c.value:.4g} in {100.0 * c.share:.2g} % of the samples" for c in found)
-        words = (
-            f"{said}, and others go beyond: is it its limit, or that of what was logged? What was made beyond is in "
-        )
-        words += "no prediction"
+        words = f"{said}, and others go beyond: is it a limit of its own, or of what was logged? "
+        words += "What was made beyond is in no prediction"
         worst = max(c.share for c in found)
         yield Check("clipped", "bad" if worst > CLIPPING.stops else "warn", words)

@@ -197,8 +197,9 @@ class Baseline:
 
         def firm_with(one: Injection) -> Sequence[str]:
             tell(0.9, f"with {one.effect} injected")
-            accept = ("vehicles",)  # what is injected may be as large as what tells vehicles apart
-            flights = [replace(f, records=one.into(f.records, self.model), accept=accept) for f in suspects]
+            flights = [  # what is injected may be as large as what tells vehicles apart
+                replace(f, records=one.into(f.records, self.model), accept=(*f.accept, "vehicles")) for f in suspects
+            ]
             return self._against(flights, silent, limits_of=()).firm
 
         with threadpool_limits(1, user_api="blas"):  # so that digits do not depend on how many there are

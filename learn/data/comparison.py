@@ -98,7 +98,7 @@ class Comparison(Result):
 
     @property
     def nearest(self) -> int:
-        """Which of the models leaves the least rms: the mean over axes of its logarithm."""
+        """Index of the evaluation that leaves the least rms, by the mean over axes of its logarithm."""
         return int(np.argmin([np.nanmean(np.log(e.pooled.rms)) for e in self.evaluations]))
 
     def reduction(self, evaluation: Evaluation) -> Array:

@@ -132,11 +132,13 @@ def either(found: Explanation, group: Sequence[str]) -> str:
     return f"Either {'; or '.join(said)}: {which_flights(found)} cannot tell which."
 
 
-def is_of_no_thrust(found: Explanation) -> bool:
-    """Whether a constant wrench is clearly none that goes with the thrust: what these would differ by is its size times
-    how much the force varied, over its mean, in standard errors of the size.
-    """  # noqa: D205
-    if not found.flights:  # which those that keep an answer for long may have put down
+def is_independent_of_thrust(found: Explanation) -> bool:
+    """Whether the constant wrench would clearly have been another one if it grew with the thrust.
+
+    The two differ by its size times the rms variation of the commanded force over its mean; clear is more than
+    `SIGNIFICANCE.alone` standard errors of the size. False without flights, which do not travel between processes.
+    """
+    if not found.flights:
         return False
     force = np.concatenate([r.commanded[:, :3] for f in found.flights for r in f.records])
     varied = np.sqrt(force.var(axis=0).sum()) / np.linalg.norm(force.mean(axis=0))

@@ -143,7 +143,7 @@ def of_explanation(found: Explanation) -> list[str]:
         if found.confidence(constant) >= DEFAULT.firm:
             begins = "What makes such a constant wrench, this does not tell"
         causes = causes_of_constant(by, vehicle, trim(logs))
-        if causes and fitted_effects.is_of_no_thrust(found):
+        if causes and fitted_effects.is_independent_of_thrust(found):
             begins = begins.partition(",")[0]
             causes = [
                 "a cable, a rope or what else pulls at it; it does not grow with the thrust, as it would by a "

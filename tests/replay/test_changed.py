@@ -73,6 +73,14 @@ def test_what_is_likely_but_not_established_is_neither_nothing_nor_a_finding(sam
     assert what_to_inspect.likeliest(same) is None
 
 
+def test_where_means_differ_beyond_those_of_many_healthy_flights_there_is_something_to_look_at(same):
+    """ "Nothing is established that asks for an inspection" stood beside a mean that differed by 33 times."""
+    sides = [(role, k, 10.0 if role == "suspect" else 0.1 * k) for role in ("healthy", "suspect") for k in range(4)]
+    rows = tuple(replace(same.rows[0], flight=f"{role} {k}", role=role, mean=m * same.scatter) for role, k, m in sides)
+    assert same.verdict is Verdict.NOTHING
+    assert what_to_inspect.sentences(replace(same, rows=rows)) == [what_to_inspect.MORE]
+
+
 def test_the_place_of_a_change_that_is_not_established_is_told_above_two_standard_deviations(moved):
     """M1 was to be looked at where M3 had been cut by 1 mm: it was the largest change, of 1.4 and 1.7."""
     likely = (replace(moved.classes[0], sets=(replace(moved.classes[0].sets[0], weight=0.89),)),)

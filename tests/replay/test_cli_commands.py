@@ -68,6 +68,9 @@ def test_compare_puts_models_side_by_side(logs, run, result_of, tmp_path):
     assert models[MODEL]["rms"] == models["nominal"]["rms"]
     assert all(fall > 0.95 for fall in models["good"]["fall_of_rms"][3:])
     assert models["bad"]["fall_of_rms"][4] < 0
+    for one, other in (("good.toml", "bad.toml"), ("bad.toml", "good.toml"), (MODEL, "good.toml")):
+        told = run("compare", logs.test, "-m", one, "--against", other).output
+        assert told.rstrip().endswith("-m good.toml"), "what is next goes on with the model that leaves least"
     floor = np.array(models["good"]["rms"]) / result["noise"]
     assert np.all((floor > 0.5) & (floor < 2.0))
     assert (tmp_path / "c.png").read_bytes().startswith(b"\x89PNG")

@@ -151,9 +151,9 @@ class RecordThresholds:
     unexplained: float = 0.1
     """Share of what h(u) and the logged wrench differ by, squared, that a single rotor may leave to be its cause."""
     followed: float = 2.0
-    """Times as much as the logged wrench that h(u) may leave of the measured one, force or torque. Where columns are
-    as sent it is 1.00 on 10 flights with five kinds of defects; actuators with noise, steps, offsets or an angle's
-    eccentricity of 1.7 deg make 2.7 to 300 on a sound vehicle. Half of it also tells a low-pass of rotors (1.3)."""
+    """Times as much of the measured wrench as the logged one that h(u) may leave, force or torque. It is 1.00 on ten
+    flights with no or one of four defects where columns are as sent; on a sound vehicle steps, offsets, noise and an
+    eccentricity of 1.7 deg make 2.7 to 300. Of 1.2 low-passed columns (1.3, 1.9) are told too; of 4 steps are not."""
     speed_margin: float = 1.2
     """Times a rotor's `speed_max` beyond which no command is one."""
     force_margin: float = 3.0

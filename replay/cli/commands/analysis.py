@@ -51,7 +51,8 @@ def compare(
         result = wg.compare(flights, base, *others, gp=process)
     how = {"signed": True} if by_flight else {}
     run.result(result, details=run.details or by_flight, **how)
-    nearest = dict(enumerate(against or (), start=1)).get(result.nearest, model)  # a process is on top of `model`
+    compared = [model, *([model] if base.effects else []), *(against or ())]  # as the rows are, the nominal one first
+    nearest = dict(enumerate(compared)).get(result.nearest, model)  # the last one is a process on top of one of them
     ask = shlex.join(["wrenchgap", "explain", *map(str, logs), "-m", nearest])
     run.line(f"next: {ask}{run.common_options()}")
     run.save("compare", result, figure=figure, csv=csv)
