@@ -65,7 +65,7 @@ def _size(flight: Flight, ratio: GravityRatio, known: Sequence[Check]) -> Check:
         return Check("accelerometer-scale", "ok", f"The mean specific force is {said}.")
     bias = (ratio.value - 1.0) * ratio.expected
     words = f"The mean specific force is {said}: the accelerometer has a scale of {ratio.value:.3f}, or "
-    words += f"a bias of {bias:+.2f} m/s^2 along the vertical, which `explain` looks for; the ground station "
+    words += f"a bias of {bias:+.2f} m/s^2 along the vertical (accelerometer_bias); the ground station "
     words += "calibrates both"
     scaled = f"accel*{factor(1.0 / ratio.value)}"
     undone = None if is_clipped(known, "accelerometer") else option(flight, scaled, "imu")

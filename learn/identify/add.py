@@ -13,8 +13,8 @@ from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.data.errors import energy, reduction, rms, weighted
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.diagnose.timing import dataset_of
-from wrenchgap.learn.identify.bias_and_trim import between_flights
-from wrenchgap.learn.identify.fit import Fit, fit, held_out_as_added, with_fit
+from wrenchgap.learn.identify.bias_and_trim import between_flights, with_thrust_as_given
+from wrenchgap.learn.identify.fit import Fit, fit, held_out, with_fit
 from wrenchgap.plant.effects import find, require_force
 from wrenchgap.plant.history import Trial
 from wrenchgap.plant.model import Model
@@ -95,7 +95,7 @@ def add(
         if progress is not None:
             progress(1.0 - 0.97 ** next(ticks), words)
 
-    fitted = fitted or fit(data, model, every, tick=tick)
+    fitted = fitted or fit(data, with_thrust_as_given(model), every, tick=tick)
     how = f"wrenchgap add: {', '.join(every)} together, six axes below {data.records[0].cutoff_hz:g} Hz"
     return addition(model, model, names, flights, data, fitted, how)
 
@@ -109,7 +109,12 @@ def addition(
     fitted: Fit,
     method: str,
 ) -> Addition:
-    """What a fit of `bare`, which is `model` or has fewer effects, makes of `model`; `method` says how, in words."""
+    """What a fit of `bare`, which is `model` or has fewer effects, makes of `model`; `method` says how, in words.
+
+    Where the fit was granted a thrust (`Fit.thrust`), it is fitted again without.
+    """
+    if fitted.thrust.size:
+        fitted = fit(data, with_thrust_as_given(bare), [e.name for e in fitted.effects], start=fitted)
     source = provenance_now(method, [(f.flight.path.name, f.flight.content_hash) for f in flights])
     fitted = replace(fitted, effects=tuple(replace(e, provenance=source) for e in fitted.effects))
     after, present = with_fit(bare, fitted), [e.name for e in model.effects]
@@ -136,9 +141,10 @@ def trial(data: Dataset, model: Model, names: Sequence[str], fitted: Fit, bare: 
 
     The accelerometer's bias is estimated on both sides. `t` is the paired t over the blocks' weighted squared errors.
     """
+    given, made = (with_thrust_as_given(one) for one in (model, bare or model))
     try:
-        before = held_out_as_added(data, model, (), fit(data, model, ()))
-        after = held_out_as_added(data, bare or model, names, fitted)
+        before = held_out(data, given, (), fit(data, given, ()))
+        after = held_out(data, made, names, fitted)
     except FitError:  # too short to hold anything out
         return None
     gain = by_block(data.block, weighted(before**2 - after**2, data.weights**2).sum(axis=1))

@@ -9,7 +9,7 @@ than the earlier ones did among themselves shows nothing. Source: a random effec
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -90,6 +90,16 @@ def unsure_thrust(model: Model, names: Sequence[str] = ()) -> float:
     """  # noqa: D205
     named = "thrust_scale" in (*names, *(e.name for e in model.effects))
     return 0.0 if named else model.vehicle.tolerances.thrust or 0.0
+
+
+def with_thrust_as_given(model: Model) -> Model:
+    """The model, sure of its thrust: values that are written beside that thrust have to hold with it.
+
+    A fit that is granted another thrust, which is then not written, leaves its counterpart in the effects: of a hover
+    whose commands vary little, a constant force of the opposite sign.
+    """
+    known = replace(model.vehicle.tolerances, thrust=None)
+    return replace(model, vehicle=replace(model.vehicle, tolerances=known))
 
 
 def typical_trim(model: Model) -> Array:

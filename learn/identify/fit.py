@@ -29,7 +29,7 @@ from wrenchgap.learn.data.dataset import Dataset
 from wrenchgap.learn.identify.least_squares import Fit, Point, Problem
 from wrenchgap.plant.model import Model
 
-__all__ = ["Fit", "fit", "held_out", "held_out_as_added", "with_fit"]
+__all__ = ["Fit", "fit", "held_out", "with_fit"]
 
 MANY = 4000
 """Samples from which on derivatives that are asked for later wait on disk: 100 s at 40 Hz, of the whole catalogue
@@ -155,14 +155,6 @@ def held_out(
         out[test] = point.residual[test] - change if moved is None else moved.residual[test]
     out = data.informative(out)
     out[:, ~data.measured_axes] = np.nan
-    return out
-
-
-def held_out_as_added(data: Dataset, model: Model, names: Sequence[str], fitted: Fit) -> Array:
-    """`held_out` (K, 6) of the model that `with_fit` makes: a thrust that the fit was granted is not in that."""
-    out = held_out(data, model, names, fitted)
-    for share in fitted.thrust:
-        out = out + share * data.commanded
     return out
 
 

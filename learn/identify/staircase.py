@@ -3,7 +3,7 @@
 One staircase is about one kind of time (`Basis`), because an error means little without it:
 
     HELD_OUT  blocks of time of the given logs; every block is predicted by parameters fitted without it, the
-              accelerometer's bias among them (`learn.identify.fit.held_out_as_added`)
+              accelerometer's bias among them (`learn.identify.fit.held_out`)
     UNSEEN    flights that nothing was fitted to; raw errors, as `compare` reports them
     FITTED    the flights that the effects were fitted to; raw errors, in-sample
     RAW       flights on which a model without fitted effects stands; raw errors
@@ -23,7 +23,8 @@ from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.errors import rms, whole
 from wrenchgap.learn.data.opening import OpenFlight
 from wrenchgap.learn.data.prediction import Predictor, pooled_inputs
-from wrenchgap.learn.identify.fit import Fit, fit, held_out_as_added, with_fit
+from wrenchgap.learn.identify.bias_and_trim import with_thrust_as_given
+from wrenchgap.learn.identify.fit import Fit, fit, held_out, with_fit
 from wrenchgap.learn.process.gp import GaussianProcess
 from wrenchgap.plant.mismatch import output_indices
 from wrenchgap.plant.model import Model
@@ -141,7 +142,7 @@ def steps(
     of them, in any order; `earlier` are steps on the same `data` that may begin with the same names. Raises FitError
     where nothing can be held out.
     """
-    nominal = model.nominal
+    nominal = with_thrust_as_given(model.nominal)
     fits: list[Fit] = []
     left: list[Array] = []
     for count in range(len(names) + 1):
@@ -150,11 +151,11 @@ def steps(
             fits.append(earlier.fits[count])
             left.append(earlier.left[count])
             continue
-        if whole is not None and {e.name for e in whole.effects} == set(part) == set(names):
+        if whole is not None and not whole.thrust.size and {e.name for e in whole.effects} == set(part) == set(names):
             fits.append(whole)
         else:
             fits.append(fit(data, nominal, part, start=fits[-1] if count > 1 else None))
-        left.append(held_out_as_added(data, nominal, [e.name for e in fits[-1].effects], fits[-1]))
+        left.append(held_out(data, nominal, [e.name for e in fits[-1].effects], fits[-1]))
     return Steps(tuple(names), tuple(fits), tuple(left), nominal)
 
 
@@ -178,7 +179,8 @@ def held_out_staircase(data: Dataset, model: Model, made: Steps, process: Proces
     stairs = list(staircase(Basis.HELD_OUT, data, made.left, made.names).stairs)
     as_given = made.left[0].copy()
     if model.effects:
-        as_given = held_out_as_added(data, model, (), fit(data, model, ()))
+        given = with_thrust_as_given(model)
+        as_given = held_out(data, given, (), fit(data, given, ()))
         stairs.append(Stair.of(Kind.GIVEN, model.name, rms(as_given), data.weights, beside=True))
     if process is not None and process.left is not None:
         stairs.append(Stair.of(Kind.PROCESS, "", rms(process.left), data.weights))

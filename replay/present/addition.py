@@ -48,7 +48,9 @@ def brief(added: Addition) -> list[Part]:
     else:
         look = "bold yellow" if trial.outcome is Outcome.WORSE else "bold"
         first = Line(f"Added {names}. On held-out time {verdict(trial)}.", look)
-    warned = note_lines([*limits(added), *alike(added.fit, added.model.vehicle), *mixed(added)], "warning")
+    worse = trial is not None and trial.outcome is Outcome.WORSE
+    kept = [f"{added.given.name} without it predicts these flights better: keep that model"] * worse
+    warned = note_lines([*kept, *limits(added), *alike(added.fit, added.model.vehicle), *mixed(added)], "warning")
     return [first, *warned, Line(), parameters(added.fit.snapshot, title, added.model.vehicle)]
 
 
@@ -114,18 +116,7 @@ def notes(added: Addition) -> list[str]:
     own = [] if added.between_flights is None else [differences(added.between_flights)]
     return [
         *own,
-        *granted_thrust(added.fit, added.given),
         *sentences([*added.given.notes, *(note for f in added.flights for note in f.notes)]),
-    ]
-
-
-def granted_thrust(found: Fit, model: Model) -> list[str]:
-    """What a model that is not sure of its thrust was granted."""
-    known = 100.0 * (model.vehicle.tolerances.thrust or 0.0)
-    return [
-        f"The model knows its thrust to {known:.2g} %, and these flights ask for {100.0 * share:+.1f} % of it: "
-        "granted, and no effect; `add thrust_scale` takes it into the model."
-        for share in found.thrust
     ]
 
 

@@ -5,9 +5,8 @@ import numpy as np
 from wrenchgap.learn import Explanation, Verdict
 from wrenchgap.learn.posterior.verdict import UNEXPLAINED
 from wrenchgap.replay.present import fitted_effects, posterior, what_to_inspect
-from wrenchgap.replay.present.addition import granted_thrust
 from wrenchgap.replay.present.notes import too_short
-from wrenchgap.replay.present.numbers import capitalised
+from wrenchgap.replay.present.numbers import capitalised, share
 from wrenchgap.replay.present.tables import Line
 
 MOST_PLACES = 2
@@ -74,7 +73,7 @@ def _around_groups(found: Explanation) -> tuple[list[str], list[str]]:
                 after = [f"{'Beside it' if by('is') == 'is by' else 'Perhaps beside it'}: {names}."]
     if found.verdict is not Verdict.NOTHING and (shared := what_to_inspect.granted(found, "")):
         after.append(f"{capitalised(shared)}.")
-    after += [posterior.large_residual(found), posterior.largest_residual(found)]
+    after += [*thrust_beyond(found), posterior.large_residual(found), posterior.largest_residual(found)]
     return [text for text in before if text], [text for text in after if text]
 
 
@@ -91,4 +90,26 @@ def evidence(found: Explanation) -> list[str]:
         said = [] if short_one else [posterior.residual_in_words(found), posterior.unproven(found)]
     else:
         said = [posterior.turbulence(found), "" if found.verdict is Verdict.NOTHING else posterior.unproven(found)]
-    return [text for text in (*said, *granted_thrust(found.fit, found.model)) if text]
+    return [text for text in (*said, *([] if thrust_beyond(found) else granted_thrust(found))) if text]
+
+
+def thrust_beyond(found: Explanation) -> list[str]:
+    """Thrust, or a mass, that is off by more than one standard deviation of what the model knows of its thrust."""
+    known = found.model.vehicle.tolerances.thrust or 0.0
+    return [
+        f"All thrust is {share(abs(off))} {'less' if off < 0.0 else 'more'} than the model has it, or the vehicle "
+        f"{share(abs(1.0 / (1.0 + off) - 1.0))} {'heavier' if off < 0.0 else 'lighter'} (the model knows its thrust to "
+        f"{share(known)}): weigh it; if the mass is right, `add thrust_scale`."
+        for off in found.fit.thrust
+        if abs(off) > known
+    ]
+
+
+def granted_thrust(found: Explanation) -> list[str]:
+    """What a model that is not sure of its thrust was granted."""
+    known = share(found.model.vehicle.tolerances.thrust or 0.0)
+    return [
+        f"The model knows its thrust to {known}, and these flights ask for {100.0 * off:+.1f} %: no effect is "
+        "named for that; `add thrust_scale` takes it into the model."
+        for off in found.fit.thrust
+    ]

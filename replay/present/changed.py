@@ -98,8 +98,8 @@ def feedback(found: Changed) -> list[str]:
     if not found.by_means:
         return []
     return [
-        "the flights are feedback-dominated hovers: commands answer the motion, so that the flights' means are "
-        "compared and nothing else; flights with excitation on all axes say more."
+        "the flights are feedback-dominated: commands answer the motion and thrust hardly varies, so that the flights' "
+        "means are compared and nothing else; flights with excitation on all axes say more."
     ]
 
 

@@ -31,9 +31,13 @@ def sentences(
 
 
 def in_short(found: Explanation | Changed) -> list[str]:
-    """What could not have been shown and what would show more; first, where nothing was found, what would have been."""
-    shown, hidden, _, more = _said(found, 4, 3, 2)
-    return [text for text in (shown if found.verdict == "nothing" else "", hidden, more) if text]
+    """What could not have been shown and what would show more.
+
+    Where nothing was found, what would have been shown comes first, and what to fly for the rest last.
+    """
+    nothing = found.verdict == "nothing"
+    shown, hidden, _, more = _said(found, 4, 3, 2 if nothing else 0)
+    return [text for text in (shown if nothing else "", hidden, more) if text]
 
 
 def _said(found: Explanation | Changed, most_shown: int, most_hidden: int, most_flown: int) -> tuple[str, ...]:

@@ -11,8 +11,8 @@ from wrenchgap.learn.data.errors import force_and_torque
 from wrenchgap.learn.posterior.members import Member
 from wrenchgap.learn.posterior.single_effects import Candidate
 from wrenchgap.replay.present import comparison, detection, fitted_effects, posterior, tables, timing, what_to_inspect
-from wrenchgap.replay.present.addition import ALIKE, apart, cosine, granted_thrust
-from wrenchgap.replay.present.answer import MOST_PLACES, answer_lines, evidence, short, summary
+from wrenchgap.replay.present.addition import ALIKE, apart, cosine
+from wrenchgap.replay.present.answer import MOST_PLACES, answer_lines, evidence, granted_thrust, short, summary
 from wrenchgap.replay.present.design import design_command
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import doubted_mass, not_tried_json, not_tried_lines, of_flights
@@ -189,7 +189,7 @@ def to_json(found: Explanation) -> dict[str, Any]:
         "flights": [f.records[0].flight for f in found.flights],
         "timing": [timing.to_json(one) for one in found.timing],
         "cutoff_hz": found.flights[0].records[0].cutoff_hz if found.flights else None,
-        "notes": [*apart(found.apart), *granted_thrust(found.fit, found.model), *of_flights(found.flights)],
+        "notes": [*apart(found.apart), *granted_thrust(found), *of_flights(found.flights)],
     }
 
 

@@ -18,7 +18,7 @@ from wrenchgap.plant.drafts.px4 import placeholders
 from wrenchgap.plant.model_file import load, shipped_models
 from wrenchgap.replay.present import inspection, parameters
 from wrenchgap.replay.present.figures import style
-from wrenchgap.replay.present.health_rows import ROWS
+from wrenchgap.replay.present.health_rows import ROWS, TOO_LITTLE_HOVER
 from wrenchgap.replay.present.inspection import LOOKS
 from wrenchgap.replay.present.notes import grouped
 from wrenchgap.replay.present.numbers import entries, number, share
@@ -101,7 +101,7 @@ def summary(found: Health) -> str:
     checked["vibration levels"] = log.vibration if log.vibration is not None and log.vibration.levels else None
     unseen = [name for name, one in checked.items() if one is None and log.phases.lack is not NoPhases.POWER]
     if log.motors is not None and log.motors.condition != "hover":
-        unseen.insert(0, "motor balance (no level hover)")
+        unseen.insert(0, f"motor balance ({TOO_LITTLE_HOVER})")
     unknown = f" Not judged, for want of data: {', '.join(unseen)}." if unseen else ""
     return f"{log.name}: {flown(log)}; {count}.{unknown}"
 

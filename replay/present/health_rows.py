@@ -2,13 +2,17 @@
 
 from collections.abc import Callable
 
+import numpy as np
+
 from wrenchgap.learn.health.answers import ASKED, NEEDS, Lack, Question
 from wrenchgap.learn.health.health import LogHealth
 from wrenchgap.learn.health.motors import MOTORS
-from wrenchgap.learn.health.phases import AIRBORNE, NoPhases
+from wrenchgap.learn.health.phases import AIRBORNE, HOVER, NoPhases
 from wrenchgap.learn.health.vibration import SLOW_HZ
 from wrenchgap.replay.present.numbers import number, share
 from wrenchgap.replay.present.statements import peak, unanswered
+
+TOO_LITTLE_HOVER = f"less than {MOTORS.briefest:g} s of hover within {np.degrees(HOVER.level):.0f} deg of level"
 
 
 def _vehicle(log: LogHealth) -> str:
@@ -46,7 +50,7 @@ def _balance(log: LogHealth) -> str:
         return _missing(log, "actuators")
     each = ", ".join(f"{m.rotor.name} {round(100 * m.deviation):+d} %" for m in log.motors.motors)
     if log.motors.condition != "hover":
-        return f"not known: less than {MOTORS.briefest:g} s of level hover (in all of the flight: {each} of the mean)"
+        return f"not known: {TOO_LITTLE_HOVER} (in all of the flight: {each} of the mean)"
     f = log.motors.curve
     law = {None: "", 0.0: "; thrust taken in proportion to the command", 1.0: "; thrust taken as the command's square"}
     mixed = f"; thrust taken as {number(f, 2)} u^2 + {number(1.0 - (f or 0.0), 2)} u of a command u"

@@ -9,10 +9,11 @@ import wrenchgap as wg
 from tests.independent.flown_quadrotor import MASS, MODEL, PLACES, Case, fly
 from wrenchgap.flight.flight import GRAVITY
 from wrenchgap.learn.data.dataset import dataset
-from wrenchgap.learn.identify.add import trial
-from wrenchgap.learn.identify.bias_and_trim import twist_of_axes
+from wrenchgap.learn.identify.add import addition, trial
+from wrenchgap.learn.identify.bias_and_trim import twist_of_axes, with_thrust_as_given
 from wrenchgap.learn.identify.fit import fit
 from wrenchgap.learn.identify.least_squares import left_by
+from wrenchgap.plant.history import Outcome
 from wrenchgap.plant.vehicle import Tolerances
 
 LESS, TWIST, WEAK = 0.87, 0.03, 0.8
@@ -80,10 +81,25 @@ def test_the_error_falls_by_what_the_added_model_has_and_not_by_what_was_granted
     """In hover the command is larger than the weight by as much as thrust is missing."""
     model = unsure(thrust=0.15)
     data = dataset(hovers[0], model)
-    found = trial(data, model, [name], fit(data, model, [name]))
+    found = trial(data, model, [name], fit(data, with_thrust_as_given(model), [name]))
     missing = (1.0 / LESS - 1.0) * MASS * GRAVITY
     assert found.before[2] == pytest.approx(missing, rel=0.1)  # less 5 mg, an accelerometer's own
     assert found.after[2] == pytest.approx(left * missing, abs=0.1 * missing)
+
+
+def test_a_constant_that_is_added_holds_with_the_thrust_that_the_model_has(hovers):
+    """In hover the constant takes all that is missing: a thrust that `explain` was granted is not written beside it."""
+    model = unsure(thrust=0.15)
+    data = dataset(hovers[0], model)
+    granted = fit(data, model, ["constant_wrench"])
+    assert granted.thrust.size == 1
+    added = addition(model, model, ["constant_wrench"], [], data, granted, "as explain fitted it")
+    missing = (1.0 / LESS - 1.0) * MASS * GRAVITY
+    (made,) = added.model.effects
+    assert made.theta[2] == pytest.approx(-missing, rel=0.1)
+    assert added.model.vehicle.tolerances.thrust == 0.15
+    assert added.trial.after[2] < 0.1 * added.trial.before[2]
+    assert added.trial.outcome is Outcome.BETTER
 
 
 def test_thrust_that_is_asked_for_is_not_granted_besides(hovers):
