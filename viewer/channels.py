@@ -88,7 +88,7 @@ class ChannelPicker(Part):
         self.choice.options = found or (NONE,)
         for handle in (self.filter, self.choice, self.action):
             handle.visible = bool(known)
-        self.list.visible = not known
+        self.list.visible = not known and not self.host.scene.is_empty
 
     def _act(self, what: str) -> None:
         name, names = self.choice.value, self.names

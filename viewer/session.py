@@ -118,6 +118,11 @@ class Scene:
         return max(int(np.searchsorted(self.time, time, side="right")) - 1, 0)
 
     @property
+    def is_empty(self) -> bool:
+        """Whether nothing was logged: no flight is open yet."""
+        return not (self.wrenches or self.series or np.any(self.position_E))
+
+    @property
     def motion(self) -> Motion:
         """The same flight as a ghost for another."""
         return Motion(self.time, self.position_E, self.quat_EB, self.tilt, self.name)

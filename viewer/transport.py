@@ -39,15 +39,18 @@ class Transport(Part):
         with self._slot:
             self.slider: Any = gui.add_slider("time [s]", 0.0, 1.0, self.resolution, 0.0)
         self.play = connect(gui.add_button(PLAY, hint="space"), lambda _: self.toggle())
-        self.step = gui.add_button_group("move", tuple(STEPS), hint="keys J and L; with shift by a second")
+        self._more = gui.add_folder("step, speed, jumps, marks, range", expand_by_default=False)
+        with self._more:
+            self.step = gui.add_button_group("move", tuple(STEPS), hint="keys J and L; with shift by a second")
+            self.speed = gui.add_dropdown("speed", SPEEDS, initial_value="1", hint="seconds of flight per second")
+            stretches = "worst stretches, gaps; N and P"
+            self.jump = gui.add_dropdown("go to", (NOWHERE,), initial_value=NOWHERE, hint=stretches)
+            self.mark = gui.add_button_group("mark", ("A", "B", "loop", "clear"), hint="keys I, O, R, X")
+            self.zoom = gui.add_dropdown("plots show", ZOOMS, initial_value=ZOOMS[0])
         connect(self.step, lambda _: self._step(STEPS[self.step.value]))
-        self.speed = gui.add_dropdown("speed", SPEEDS, initial_value="1", hint="seconds of flight per second")
         connect(self.speed, lambda _: host.show(replace(host.view, speed=self.speed.value)))
-        self.jump = gui.add_dropdown("go to", (NOWHERE,), initial_value=NOWHERE, hint="worst stretches, gaps; N and P")
         connect(self.jump, lambda _: self._jump())
-        self.mark = gui.add_button_group("mark", ("A", "B", "loop", "clear"), hint="keys I, O, R, X")
         connect(self.mark, lambda _: self._mark(self.mark.value))
-        self.zoom = gui.add_dropdown("plots show", ZOOMS, initial_value=ZOOMS[0])
         connect(self.zoom, lambda _: host.show(replace(host.view, zoom=self.zoom.value)))
         self._stretches: dict[str, Stretch] = {}
         self._range = (0.0, 1.0)
@@ -69,6 +72,8 @@ class Transport(Part):
         self.jump.options = (NOWHERE, *self._stretches)
         self.jump.value = NOWHERE
         self._asked = None
+        for control in (self._slot, self.play, self._more):
+            control.visible = not scene.is_empty
 
     @property
     def plotted(self) -> View:

@@ -30,7 +30,7 @@ MORE = "Drop another log of the same vehicle, to compare it with, or a model fil
 SLOW = "the IMU or the commands come too slowly for more."
 WHY = (
     "What is missing, how it changed, what to fly next: all need a model. A Crazyflie's can be chosen; for other "
-    "vehicles say the mass, and what else the log does not know."
+    "vehicles the mass is required; the other fields may stay as they are where the log knows the rest."
 )
 NEXT = "Next: the tab Effects searches for what the model lacks; Changed compares, once there are two logs."
 OF_LOG = "made from the log"
