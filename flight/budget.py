@@ -117,7 +117,7 @@ class Limits:
     """Share of the budget, one over this, that a message may have, as it is copied."""
     sqlite_message: int = 10**9
     """Bytes of a message, which is sqlite's own limit."""
-    table_column: int = 2000
+    table_column: int = 2700
     """Bytes of a column of a table by itself."""
     table_cell: int = 60
     """Bytes of a number of it."""

@@ -45,6 +45,7 @@ ALONE: tuple[Callable[[Flight], Iterator[Check]], ...] = (
     channels.constant,
     channels.units,
     channels.unmeasured,
+    channels.coarse,
     clipping.clipped,
     clipping.limited,
     channels.copied,

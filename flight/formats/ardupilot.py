@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.flight import RPM, Stamps
+from wrenchgap.flight.formats.dataflash import kind_of
 from wrenchgap.flight.formats.ned_frd import enu, flu, quat_flu_to_enu, quat_of_euler
 from wrenchgap.flight.formats.reader import Table
 from wrenchgap.flight.formats.standard_topics import Made, Messages, are_pulses, cropped, cubic_at, made_of, values_at
@@ -144,7 +145,7 @@ def batteries(said: Messages) -> Made:
     for name in ("BAT", "CURR"):
         found = said.read(name, "Volt")
         if found and np.any(found[1] > 0.0):
-            whole = found[0].columns["Volt"].dtype.kind in "iu"  # firmware 3.3 and before: hundredths of a volt
+            whole = kind_of(found[0].columns["Volt"]) in "iu"  # firmware 3.3 and before: hundredths of a volt
             yield name, said.made("battery", found[0]).battery(found[1][:, 0] * (0.01 if whole else 1.0))
             return
 
@@ -157,5 +158,5 @@ def _pulses(values: NDArray[Any], mostly: float = 0.5) -> bool:
 
 def _sampled(table: Table) -> Stamps:
     sample = table.columns.get("SampleUS")
-    usable = sample is not None and sample.dtype.kind in "iu" and np.all(sample > 0)
+    usable = sample is not None and kind_of(sample) in "iu" and np.all(sample > 0)
     return table.log_time_ns if sample is None or not usable else sample.astype(np.int64) * 1000

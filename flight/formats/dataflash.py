@@ -75,7 +75,7 @@ def parameters(path: str | Path, budget: Budget | str | None = None) -> dict[str
 
 def _parameters(columns: Columns) -> dict[str, float | int]:
     names, values = columns.get("Name"), columns.get("Value")
-    if names is None or values is None or names.dtype.kind != "S" or values.dtype.kind not in "iuf":
+    if names is None or values is None or kind_of(names) != "S" or kind_of(values) not in "iuf":
         return {}
     pairs = zip(names.tolist(), values.tolist(), strict=True)
     return {name.decode(errors="replace"): int(v) if v == int(v) else v for name, v in pairs if np.isfinite(v)}
@@ -84,16 +84,23 @@ def _parameters(columns: Columns) -> dict[str, float | int]:
 def _changes(columns: Columns) -> tuple[ParameterChange, ...]:
     """Parameters that are logged again with another value."""
     times = columns.get("TimeUS")
-    if not _parameters(columns) or times is None or times.dtype.kind not in "iuf":
+    if not _parameters(columns) or times is None or kind_of(times) not in "iuf":
         return ()
     names = (name.decode(errors="replace") for name in columns["Name"].tolist())
     stamps = (1000 * int(time) for time in times.tolist())
     return changes_of(zip(stamps, names, columns["Value"].tolist(), strict=True), {})
 
 
+def kind_of(values: Array) -> str:
+    """The kind of a column's type, "i", "u", "f" or "S"; "array" where every message has several numbers, as the letter
+    "a" of a format says, which are no time, no instance and no parameter.
+    """  # noqa: D205
+    return values.dtype.kind if values.ndim == 1 else "array"
+
+
 def _most(values: Array | None) -> int:
     """The largest of these counts (N,); 0 of what a damaged log has in their place."""
-    if values is None or values.dtype.kind not in "iuf":
+    if values is None or kind_of(values) not in "iuf":
         return 0
     return int(np.max(values[np.isfinite(values)], initial=0))
 
@@ -101,7 +108,7 @@ def _most(values: Array | None) -> int:
 def _autopilot(raw: Mapping[str, Columns], dropped: int) -> Autopilot:
     """Of the texts that the firmware logs at its start: its version, the board, the frame."""
     texts = raw.get("MSG", {}).get("Message", np.zeros(0, "S1"))
-    said = [text.decode(errors="replace").strip() for text in texts.tolist()] if texts.dtype.kind == "S" else []
+    said = [text.decode(errors="replace").strip() for text in texts.tolist()] if kind_of(texts) == "S" else []
     firmware = next((text for text in said if re.match(r"(Ardu|APM:)\w* .*\d", text)), "")
     frame = next((text.partition(":")[2].strip() for text in said if text.startswith("Frame:")), "")
     board = next((text for text in said if re.search(r" [0-9A-F]{8} [0-9A-F]{8} [0-9A-F]{8}$", text)), "")
@@ -183,7 +190,7 @@ def _layout(body: bytes) -> Layout | None:
 
 def _instance_columns(units: Columns) -> Iterator[tuple[int, int]]:
     """Types of messages that are numbered, with the number of the column that does it: its unit is "#"."""
-    kinds = "".join(units[name].dtype.kind for name in ("FmtType", "UnitIds") if name in units)
+    kinds = "".join(kind_of(units[name]) for name in ("FmtType", "UnitIds") if name in units)
     if kinds in ("uS", "iS"):
         for kind, letters in zip(units["FmtType"].tolist(), units["UnitIds"].tolist(), strict=True):
             if b"#" in letters:
@@ -214,11 +221,11 @@ def _instances(name: str, columns: Columns, notes: list[str]) -> Iterator[Table]
     Nor for more than `LIMITS.dataflash_instances`, of which the notes are told.
     """
     clock, unit = next(((c, u) for c, u in (("TimeUS", 1000), ("TimeMS", 1_000_000)) if c in columns), ("", 0))
-    if not unit or columns[clock].dtype.kind not in "iu":
+    if not unit or kind_of(columns[clock]) not in "iu":
         return
     column = "#" if "#" in columns else next((c for c in INSTANCES if name in NUMBERED and c in columns), None)
     number = np.zeros(len(columns[clock]), dtype=int) if column is None else columns[column]
-    if number.dtype.kind not in "iu":  # instances that are named, as of NVF, stay together
+    if kind_of(number) not in "iu":  # instances that are named, as of NVF, stay together
         number = np.zeros(len(number), dtype=int)
     known = columns[clock] <= 2**63 // unit - 1
     instances = np.unique(number[known]).tolist()

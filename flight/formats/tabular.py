@@ -132,8 +132,9 @@ class ParquetReader(TableReader):
             with pyarrow.parquet.ParquetFile(self.path) as file:
                 _count(file.metadata, self.account)
                 texts = [leaf.path for leaf in _leaves(file.metadata) if leaf.physical_type == "BYTE_ARRAY"]
-            table = pyarrow.parquet.read_table(self.path, read_dictionary=texts, use_threads=False)
-            frame = _plain(table, self.account).to_pandas(ignore_metadata=True)  # which may say anything
+            with pyarrow.parquet.ParquetFile(self.path, read_dictionary=texts) as file:
+                table = file.read(use_threads=False)
+            frame = _plain(table, self.account).replace_schema_metadata(None).to_pandas()  # it may say anything
         except (pyarrow.ArrowException, OSError, ValueError) as error:
             raise LogError(f"{self.path}: not a readable Parquet table ({one_line(error)})") from error
         return tables_of(frame.rename(columns={"__index_level_0__": "index"}), self)

@@ -19,21 +19,21 @@ from pathlib import Path
 import numpy as np
 
 from wrenchgap.flight.errors import ModelError, UsageError
-from wrenchgap.plant.drafts.draft import CommandDraft, RotorDraft, Sourced
+from wrenchgap.plant.drafts.draft import CommandDraft, RotorDraft, Sourced, parameter
 from wrenchgap.plant.reader import text_of
 
 Parameters = Mapping[str, float]
 USUAL = {
-    "MOT_PWM_MIN": 1000.0,
-    "MOT_PWM_MAX": 2000.0,
-    "MOT_SPIN_MIN": 0.15,
-    "MOT_SPIN_MAX": 0.95,
-    "THR_MIN": 130.0,
-    "MOT_THST_MAX": 0.95,
-    "MOT_THST_EXPO": 0.65,
-    "MOT_THST_HOVER": 0.35,
+    "MOT_PWM_MIN": (1000.0, 0.0, 3000.0),
+    "MOT_PWM_MAX": (2000.0, 0.0, 3000.0),
+    "MOT_SPIN_MIN": (0.15, 0.0, 1.0),
+    "MOT_SPIN_MAX": (0.95, 0.0, 1.0),
+    "THR_MIN": (130.0, 0.0, 1000.0),
+    "MOT_THST_MAX": (0.95, 0.0, 1.0),
+    "MOT_THST_EXPO": (0.65, 0.0, 1.0),
+    "MOT_THST_HOVER": (0.35, -np.inf, np.inf),  # where nothing hovers it says nothing
 }
-"""ArduPilot's defaults."""
+"""ArduPilot's defaults, and between what they can be here."""
 
 
 Frame = tuple[tuple[float, int], ...]
@@ -153,7 +153,7 @@ def command_of(parameters: Parameters) -> CommandDraft:
     """[command] for pulse widths."""
 
     def read(name: str) -> tuple[float, bool]:
-        return float(parameters.get(name, USUAL[name])), name not in parameters
+        return parameter(parameters, name, *USUAL[name]), name not in parameters
 
     low, high, names = _pulses(parameters)
     start, end = "MOT_SPIN_MIN", "MOT_SPIN_MAX"
@@ -190,4 +190,4 @@ def _pulses(parameters: Parameters) -> tuple[float, float, tuple[str, str]]:
         low, high = float(parameters.get(names[0], 0.0)), float(parameters[names[1]])
         if 0.0 < low < high:
             return low, high, names
-    return USUAL[usual[0]], USUAL[usual[1]], usual
+    return USUAL[usual[0]][0], USUAL[usual[1]][0], usual

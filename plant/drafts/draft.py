@@ -122,6 +122,17 @@ class Draft:
     effects: tuple[EffectDraft, ...] = ()
 
 
+def parameter(parameters: Mapping[str, float], name: str, usual: float, low: float, high: float) -> float:
+    """An autopilot's parameter, or its default; raises ModelError, which names it, outside of what it can be."""
+    value = float(parameters.get(name, usual))
+    if not low <= value <= high:
+        raise ModelError(
+            f"the log's parameter {name} is {value:g}, expected {low:g} to {high:g}; write the model by hand "
+            "(docs/model-file.md)"
+        )
+    return value
+
+
 def completed(draft: Draft) -> Draft:
     """The draft with everything that a model file needs.
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from wrenchgap.flight.errors import ModelError
 from wrenchgap.plant.drafts.ardupilot import rotors_of as usual_frame
-from wrenchgap.plant.drafts.draft import CommandDraft, RotorDraft, Sourced
+from wrenchgap.plant.drafts.draft import CommandDraft, RotorDraft, Sourced, parameter
 
 Parameters = Mapping[str, float]
 MULTIROTORS = {0: "multirotor", 7: "motors in all directions", 8: "multirotor with tilt"}
@@ -105,7 +105,7 @@ def imu_of(parameters: Parameters, prefix: str = "EKF2_IMU_POS", autopilot: str 
     """Position of the IMU by the parameters `prefix`_X, _Y, _Z, in forward, right, down; None without them."""
     if f"{prefix}_X" not in parameters:
         return None
-    at = flipped(*(parameters.get(f"{prefix}_{axis}", 0.0) for axis in "XYZ"))
+    at = flipped(*(parameter(parameters, f"{prefix}_{axis}", 0.0, -10.0, 10.0) for axis in "XYZ"))  # [m]
     words = f"{prefix}_X, _Y, _Z" + ("" if any(at) else f", which are {autopilot}'s default")
     return Sourced(at, words, assumed=not any(at))
 
@@ -117,7 +117,7 @@ def com_of(parameters: Parameters) -> Sourced | None:
 
 def command_of(parameters: Parameters, unit: str = "normalised") -> CommandDraft:
     """[command] for `actuator_motors`, or for pulse widths where `unit` is "pwm" (older firmware)."""
-    factor = float(parameters.get("THR_MDL_FAC", 0.0))
+    factor = parameter(parameters, "THR_MDL_FAC", 0.0, 0.0, 1.0)
     keys = {"unit": Sourced(unit, "actuator_motors: 0 to 1" if unit == "normalised" else "actuator_outputs [us]")}
     square = "THR_MDL_FAC is 0: PX4 does not linearise, propellers as usual: thrust with the square"
     if unit == "pwm":

@@ -163,7 +163,8 @@ def unproven(found: Explanation, most: float = 0.5, t_least: float = 3.0) -> str
 def largest_residual(found: Explanation) -> str:
     """The axis on which most is left, in units of the noise; above what structure is, that something is left."""
     axis = _worst_axis(found)
-    size, times = f"{found.rms_after[axis]:.2g} {unit_of(axis)} rms", found.rms_after[axis] / found.noise[axis]
+    size = f"{found.rms_after[axis]:.2g} {unit_of(axis)} rms"
+    times = found.rms_after[axis] / max(found.noise[axis], 1e-300)  # a sensor that stands still has none
     said = f"Largest remaining error: {AXES[axis]}, {size} (sensor noise {found.noise[axis]:.2g})"
     if times <= found.posterior.settings.structure or found.verdict is Verdict.UNKNOWN:
         return f"{said}."

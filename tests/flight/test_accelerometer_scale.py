@@ -237,3 +237,20 @@ def test_positions_with_y_up_beside_an_attitude_with_z_up_are_said(velocity):
     speed = own.velocity_E @ turn if velocity else None
     (words,) = bad(replace(flight, odometry=replace(own, position_E=own.position_E @ turn, velocity_E=speed)))
     assert "positions and velocities read as axes=x" in words
+
+
+@pytest.mark.parametrize(("offset", "frame", "words"), [
+    ((0.15, 0.0, 0.0), "E", "+0.15 m/s along x in E"),
+    ((0.0, -0.3, 0.0), "B", "-0.30 m/s along y in B"),
+    ((0.05, 0.0, 0.0), "E", ""),
+])  # fmt: skip
+def test_a_velocity_that_is_off_by_a_constant_is_said_with_axis_and_size(offset, frame, words):
+    """A constant in B turns with the vehicle, which yaws by 9 rad here, and averages out in E."""
+    flight = flown()
+    pose = flight.odometry
+    turn = Rotation.from_quat(pose.quat_EB, scalar_first=True) if frame == "B" else Rotation.identity(len(pose.time))
+    moved = replace(pose, velocity_E=pose.velocity_E + turn.apply(np.array(offset)))
+    found = {check.name: check for check in with_checks(replace(flight, odometry=moved)).checks}["velocity"]
+    assert found.level == ("bad" if words else "ok")
+    assert words in found.words
+    assert found.mend == ("--topic twist=none" if words else None)

@@ -50,6 +50,22 @@ def test_readings_that_are_held_have_the_rate_at_which_they_change(held, name, r
     assert f"late by {late:.2g} ms" in found.words
 
 
+@pytest.mark.parametrize(("step", "share"), [(1.0, 0.0), (2.0, 0.683), (4.0, 0.954)])
+def test_a_sensor_whose_steps_are_larger_than_what_it_measures_is_no_sensor(step, share):
+    """Of a normal signal of deviation s the step about zero takes erf(q / (s sqrt(8))) of the samples."""
+    flight = flown()
+    rng = np.random.default_rng(9)
+    accel = flight.imu.specific_force_B.copy()
+    accel[:, 0] = step * 0.3 * np.round(rng.standard_normal(len(TIME)) / step)
+    found = said(replace(flight, imu=replace(flight.imu, specific_force_B=accel))).get("not-measured")
+    if not share:
+        assert found is None
+        return
+    assert (found.level, found.mend) == ("bad", "--unmeasured force_x")
+    told = float(found.words.split("force_x ")[1].split(" %")[0])
+    assert told == pytest.approx(100.0 * share, abs=3.0)
+
+
 def held_commands(rotor):
     """A log at 100 Hz of commands that a 10 Hz topic repeats."""
     return np.repeat(rotor[::10], 10, axis=0)

@@ -323,6 +323,15 @@ def test_ardupilot_without_a_range_of_its_own_takes_that_of_the_throttle(tmp_pat
     assert said.assumed
 
 
+@pytest.mark.parametrize(("name", "value"), [("MOT_THST_EXPO", 2.0), ("MOT_SPIN_MIN", -1.0), ("MOT_SPIN_MAX", np.inf)])
+def test_a_parameter_that_cannot_be_is_named(name, value):
+    """And no key of a model file that nobody has written yet."""
+    with pytest.raises(ModelError, match=f"parameter {name} is {value:g}, expected 0 to 1"):
+        ardupilot.command_of({name: value})
+    with pytest.raises(ModelError, match="parameter INS_POS1_Y is 1e"):
+        px4.imu_of({"INS_POS1_X": 0.1, "INS_POS1_Y": 1e38}, "INS_POS1", "ArduPilot")
+
+
 BEFORE_3_5 = {"RC3_MIN": 1100, "RC3_MAX": 1900, "THR_MIN": 100, "MOT_THST_MAX": 0.9, "MOT_THST_EXPO": 0.5, "FRAME": 1}
 
 

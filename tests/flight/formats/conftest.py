@@ -86,7 +86,7 @@ def _each(layout):
             number = ""
 
 
-LETTERS = "b:b B:B h:h H:H i:i I:I q:q Q:Q f:f d:d c:h C:H e:i E:I L:i M:b n:4s N:16s Z:64s"
+LETTERS = "b:b B:B h:h H:H i:i I:I q:q Q:Q f:f d:d c:h C:H e:i E:I L:i M:b n:4s N:16s Z:64s a:64s"
 STRUCT = dict(pair.split(":") for pair in LETTERS.split())
 SCALE = {"c": 100, "C": 100, "e": 100, "E": 100, "L": 1e7}
 
@@ -131,7 +131,7 @@ class Dataflash:
     def _packed(self, name, layout, row):
         values = []
         for letter, value in zip(layout, row, strict=True):
-            whole = letter not in "fdnNZ"
+            whole = letter not in "fdnNZa"
             values.append(round(value * SCALE.get(letter, 1)) if whole else value)
         body = struct.pack("<" + "".join(STRUCT[letter] for letter in layout), *values)
         return b"\xa3\x95" + bytes([self.types[name]]) + body

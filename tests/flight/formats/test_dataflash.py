@@ -275,6 +275,24 @@ def test_a_message_with_a_field_that_has_no_name_is_left_out(log, autopilots, tm
     assert "EXTR" not in {topic.topic for topic in flight.inspect(path).topics}
 
 
+@pytest.mark.parametrize(("name", "layout", "columns"), [
+    ("XTRA", "Qa", "Other,TimeUS"),
+    ("GYR", "Qa", "TimeUS,I"),
+    ("FMTU", "QaN", "TimeUS,FmtType,UnitIds"),
+    ("PARM", "QaN", "TimeUS,Value,Name"),
+    ("DSF", "Qa", "TimeUS,Dp"),
+])  # fmt: skip
+def test_a_column_of_arrays_is_no_time_no_instance_and_no_parameter(autopilots, tmp_path, name, layout, columns):
+    """The letter "a": 32 numbers of 16 bits in each message."""
+    log = autopilots.Dataflash(units=False)
+    sensors(log, autopilots.Climb)
+    values = {"Q": [31e6, 32e6], "a": [bytes(range(64))] * 2, "N": [b"#"] * 2}
+    log.add(name, layout, columns, *(values[letter] for letter in layout))
+    path = log.save(tmp_path / "log.bin")
+    assert len(flight.load(path).imu.time) > 30
+    assert parameters(path) == {}
+
+
 @pytest.mark.parametrize("values", [[np.inf], [np.nan, 3.0], [b"x"], [], None])
 def test_a_count_of_dropped_blocks_that_is_none_is_no_count(values):
     """Of a damaged log: infinity, text, nothing."""

@@ -268,6 +268,7 @@ ODD = {
     "empty": b"{}",
     "list": b"[]",
     "an index that is not there": b'{"index_columns":["nothing"],"columns":[],"column_indexes":[]}',
+    "brackets without end": b'{"index_columns":[],"column_indexes":[],"columns":' + 100_000 * b"[",
     "numbers": b'{"index_columns":[],"columns":7,"column_indexes":5}',
     "a type that is none": b'{"index_columns":[],"column_indexes":[],"columns":[{"name":"t","field_name":"t",'
     b'"pandas_type":"spam","numpy_type":"spam","metadata":null}]}',
