@@ -39,9 +39,9 @@ class Transport(Part):
         with self._slot:
             self.slider: Any = gui.add_slider("time [s]", 0.0, 1.0, self.resolution, 0.0)
         self.play = connect(gui.add_button(PLAY, hint="space"), lambda _: self.toggle())
-        self._more = gui.add_folder("step, speed, jumps, marks, range", expand_by_default=False)
+        self.step = gui.add_button_group("move", tuple(STEPS), hint="keys J and L; with shift by a second")
+        self._more = gui.add_folder("speed, jumps, marks, range", expand_by_default=False)
         with self._more:
-            self.step = gui.add_button_group("move", tuple(STEPS), hint="keys J and L; with shift by a second")
             self.speed = gui.add_dropdown("speed", SPEEDS, initial_value="1", hint="seconds of flight per second")
             stretches = "worst stretches, gaps; N and P"
             self.jump = gui.add_dropdown("go to", (NOWHERE,), initial_value=NOWHERE, hint=stretches)
@@ -72,7 +72,7 @@ class Transport(Part):
         self.jump.options = (NOWHERE, *self._stretches)
         self.jump.value = NOWHERE
         self._asked = None
-        for control in (self._slot, self.play, self._more):
+        for control in (self._slot, self.play, self.step, self._more):
             control.visible = not scene.is_empty
 
     @property
