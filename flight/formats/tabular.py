@@ -129,9 +129,9 @@ class ParquetReader(TableReader):
             import pyarrow.parquet
 
         try:
-            with pyarrow.parquet.ParquetFile(self.path) as file:
-                _count(file.metadata, self.account)
-                texts = [leaf.path for leaf in _leaves(file.metadata) if leaf.physical_type == "BYTE_ARRAY"]
+            metadata = pyarrow.parquet.read_metadata(self.path)
+            _count(metadata, self.account)
+            texts = [leaf.path for leaf in _leaves(metadata) if leaf.physical_type == "BYTE_ARRAY"]
             with pyarrow.parquet.ParquetFile(self.path, read_dictionary=texts) as file:
                 table = file.read(use_threads=False)
             frame = _plain(table, self.account).replace_schema_metadata(None).to_pandas()  # it may say anything

@@ -83,8 +83,6 @@ def joint_optimum(
     for _ in range(steps):
         best = scorer(keys)
         promised = best.log_probability - here.log_probability
-        if promised < 0.0:  # noise and laws, likeliest in turn, went to another place: the set is better than that
-            break
         if promised < least:
             return scorer
         for share in 0.5 ** np.arange(5):
