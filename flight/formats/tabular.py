@@ -132,8 +132,7 @@ class ParquetReader(TableReader):
             metadata = pyarrow.parquet.read_metadata(self.path)
             _count(metadata, self.account)
             texts = [leaf.path for leaf in _leaves(metadata) if leaf.physical_type == "BYTE_ARRAY"]
-            with pyarrow.parquet.ParquetFile(self.path, read_dictionary=texts) as file:
-                table = file.read(use_threads=False)
+            table = pyarrow.parquet.ParquetFile(self.path, read_dictionary=texts).read(use_threads=False)
             frame = _plain(table, self.account).replace_schema_metadata(None).to_pandas()  # it may say anything
         except (pyarrow.ArrowException, OSError, ValueError) as error:
             raise LogError(f"{self.path}: not a readable Parquet table ({one_line(error)})") from error
