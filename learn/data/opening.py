@@ -26,10 +26,10 @@ from wrenchgap.learn.data.input_errors import input_error_notes, with_input_erro
 from wrenchgap.learn.data.measurement import Record, commands_of, measured_axes, names_of, prepare
 from wrenchgap.learn.data.phases import never_flew, phase_checks, phases_of, times_left_out
 from wrenchgap.learn.data.phases.phase import Phase, phase_names, used_samples
-from wrenchgap.learn.data.read_options import MINIMUM_FLIGHT, ReadOptions, kept_within, rows_of, times_outside
+from wrenchgap.learn.data.read_options import MINIMUM_FLIGHT, ReadOptions, kept_within, times_outside
 from wrenchgap.plant.command_curve import as_speeds
 from wrenchgap.plant.model import Model
-from wrenchgap.plant.state import Commands
+from wrenchgap.plant.state import Commands, rows
 from wrenchgap.plant.vehicle import Vehicle
 
 
@@ -134,15 +134,15 @@ def opened(
     parts, left_out = _parts(kept_within(stretches, between, found), stretches, phases, vehicle, known)
     flown, records, short = [], [], []
     of_flight: dict[str, Any] = {"has_imu": played.imu is not None, "command_period": widest_spacing([played])}
-    for rows, sent, source in parts:
+    for part, sent, source in parts:
         try:
-            made = prepare(rows, vehicle, cutoff_hz=cutoff_hz, rate_hz=rate_hz, commands=(sent, source), imu=played.imu)
+            made = prepare(part, vehicle, cutoff_hz=cutoff_hz, rate_hz=rate_hz, commands=(sent, source), imu=played.imu)
         except FitError as error:
-            if not 0.0 < len(rows) * rows.dt * cutoff_hz < 12.0:
+            if not 0.0 < len(part) * part.dt * cutoff_hz < 12.0:
                 raise
             short.append(str(error))
         else:
-            flown.append(rows)
+            flown.append(part)
             records.append(with_input_error(replace(made, **of_flight), played, vehicle))
     if not records and not (incomplete and short):
         said = never_flew(found.path.name, phases, model, found.notes, of_rotors=played.commanded is None)
@@ -223,7 +223,7 @@ def _flown(stretches: Sequence[Samples], phases: Sequence[Phase]) -> list[Sample
     Commands in another unit look as if something else carried it, and it is the check that shall say so.
     """
     parts = [
-        rows_of(samples, slice(a, b))
+        rows(samples, slice(a, b))
         for samples in stretches
         for a, b in runs(used_samples(samples.time, phases))
         if (b - a) * samples.dt >= MINIMUM_FLIGHT
@@ -247,12 +247,12 @@ def _parts(
     for samples in stretches:
         known = next((one[1:] for one in sent if one[0] is samples), None)
         commands, source = commands_of(samples, vehicle) if known is None else known
-        rows = [slice(a, b) for a, b in runs(used_samples(samples.time, phases))]
-        if rows == [slice(0, len(samples))]:
+        used = [slice(a, b) for a, b in runs(used_samples(samples.time, phases))]
+        if used == [slice(0, len(samples))]:
             flown.append((samples, commands, source))
             continue
-        long = [r for r in rows if (r.stop - r.start) * samples.dt >= MINIMUM_FLIGHT]
-        flown += [(rows_of(samples, r), commands.take(r), source) for r in long]
+        long = [r for r in used if (r.stop - r.start) * samples.dt >= MINIMUM_FLIGHT]
+        flown += [(rows(samples, r), commands.take(r), source) for r in long]
         # Samples just outside the first and the last stretch belong to the ground that these begin or end on.
         begin = -np.inf if samples.time[0] <= every[0].time[0] else samples.time[0] - samples.dt
         end = np.inf if samples.time[-1] >= every[-1].time[-1] else samples.time[-1] + samples.dt

@@ -20,6 +20,7 @@ from wrenchgap.flight.unmeasured import axis_names
 from wrenchgap.learn.data.measurement import CUTOFF_HZ
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import with_reading
+from wrenchgap.plant.state import rows
 
 Interval = tuple[float, float]
 Between = Interval | Sequence[Interval] | None
@@ -62,7 +63,7 @@ def kept_within(stretches: Sequence[Samples], between: Between, found: Flight) -
         for interval in asked:
             first, last = np.searchsorted(samples.time, interval)
             if (last - first) * samples.dt >= MINIMUM_FLIGHT:
-                kept.append(rows_of(samples, slice(int(first), int(last))))
+                kept.append(rows(samples, slice(int(first), int(last))))
     if not kept:
         begin, end = stretches[0].time[0], stretches[-1].time[-1]
         listed = " and ".join(f"{a:g} and {b:g} s" for a, b in asked)
@@ -71,12 +72,6 @@ def kept_within(stretches: Sequence[Samples], between: Between, found: Flight) -
             f"{begin:.1f} to {end:.1f} s"
         )
     return kept
-
-
-def rows_of(samples: Samples, rows: slice) -> Samples:
-    """Some consecutive samples of a stretch."""
-    arrays: dict[str, Any] = {k: v[rows] for k, v in vars(samples).items() if isinstance(v, np.ndarray)}
-    return replace(samples, **arrays)
 
 
 @dataclass(frozen=True)

@@ -50,16 +50,10 @@ above 10 Hz, which grows as white noise does (25 to 50 mNm), and the null run st
 
 @dataclass(frozen=True)
 class RecordedMotion:
-    """`state` (N samples), and `motion` of O (rate, angular acceleration, specific force) that belongs to it.
-
-    `gyro_bias` (3,) [rad/s] and `accel_bias` (3,) [m/s^2] are what was subtracted from the readings, on average; the
-    second includes the difference between local and standard gravity where the vehicle is level.
-    """
+    """`state` (N samples), and `motion` of O (rate, angular acceleration, specific force) that belongs to it."""
 
     state: State
     motion: Motion
-    gyro_bias: Array
-    accel_bias: Array
 
 
 def recorded_motion(
@@ -98,8 +92,6 @@ def recorded_motion(
     return RecordedMotion(
         State(time, position + p, attitude, velocity + dp, omega, samples.voltage),
         Motion(omega, omega_dot, specific_force),
-        gyro_bias=np.mean(low_pass(samples.omega_B, dt, cutoff_hz) - omega, axis=0),
-        accel_bias=np.mean(felt - specific_force, axis=0),
     )
 
 

@@ -11,7 +11,7 @@ import pytest
 
 import wrenchgap as wg
 from wrenchgap.flight.errors import ModelError, UsageError
-from wrenchgap.plant.drafts.python_constants import LONGEST, constants
+from wrenchgap.plant.drafts.rotorpy import LONGEST, constants
 from wrenchgap.plant.drafts.sources import Given, draft_of_source
 from wrenchgap.plant.model import make_effect
 from wrenchgap.plant.rigid_body import unpack

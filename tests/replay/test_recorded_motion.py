@@ -65,11 +65,6 @@ def test_the_true_motion_is_found_through_biases_noise_and_lever_arm(motion, tru
     assert np.sqrt(np.mean((motion.state.omega_B[i] - truth.omega_B[j]) ** 2)) < 2e-3  # log: 4e-3
 
 
-def test_biases_are_told(motion):
-    assert motion.gyro_bias == pytest.approx(BIAS, abs=5e-4)
-    assert motion.accel_bias == pytest.approx(ACCEL_BIAS, abs=0.01)
-
-
 def test_position_velocity_and_acceleration_belong_together(motion):
     state, dt = motion.state, motion.state.time[1] - motion.state.time[0]
     acceleration = so3.rotate(state.quat_EB, motion.motion.specific_force_B) - [0.0, 0.0, 9.80665]

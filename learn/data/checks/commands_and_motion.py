@@ -12,8 +12,7 @@ from wrenchgap.flight.row_kernels import lengths, runs
 from wrenchgap.flight.stamps import spread
 from wrenchgap.learn.data.feedback_regressors import lagged
 from wrenchgap.learn.data.measurement import derivative, felt_at_origin, from_actuators, low_pass, measured_axes
-from wrenchgap.learn.data.read_options import rows_of
-from wrenchgap.plant.state import Motion
+from wrenchgap.plant.state import Motion, rows
 from wrenchgap.plant.vehicle import GRAVITY, Vehicle
 from wrenchgap.plant.wrench_model import measured_wrench
 
@@ -114,7 +113,7 @@ def looked_at(stretches: Sequence[Samples]) -> list[Samples]:
     for one in stretches:
         run = round(COMPARED.piece / one.dt)
         most = max(round(len(one) * COMPARED.enough / total), min(run, len(one)))
-        out += [rows_of(one, rows) for rows in spread(len(one), most, run)]
+        out += [rows(one, part) for part in spread(len(one), most, run)]
     return out
 
 
@@ -143,8 +142,8 @@ def compared(signal: Array, dt: float) -> Array:
 def moving(seen: CommandsAndMotion, values: Array, tau: float = 0.0, *, fast: bool = False) -> Array:
     """Values (N, C) behind a lag, of the parts in the air, each without its mean: (K, C); `fast`: high-passed."""
     out = []
-    for rows in seen.parts:
-        late = np.stack([lagged(column[rows], tau / seen.dt) for column in values.T], axis=1)
+    for part in seen.parts:
+        late = np.stack([lagged(column[part], tau / seen.dt) for column in values.T], axis=1)
         out.append(late - (low_pass(late, seen.dt, COMPARED.fast_hz) if fast else late.mean(axis=0)))
     return np.concatenate(out)
 
