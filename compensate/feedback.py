@@ -39,8 +39,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wrenchgap.compensate.compensator import Result, plausible, wrench_of
-from wrenchgap.compensate.observer import Combined
-from wrenchgap.compensate.physics import HORIZON_MAX
+from wrenchgap.compensate.observer import Combined, check_cutoff, lags
 from wrenchgap.compensate.reach import reach_of
 from wrenchgap.compensate.tables import IMPLAUSIBLE
 from wrenchgap.flight import so3
@@ -75,11 +74,7 @@ class Feedback:
     """See `Compensator`."""
 
     def __init__(self, vehicle: Vehicle, dt: float, cutoff_hz: float) -> None:
-        if not (math.isfinite(dt) and dt > 0 and 0.0 < 2.0 * math.pi * cutoff_hz * dt <= 1.0):
-            raise UsageError(
-                f"{self.name}: got dt {dt} s and a cut-off of {cutoff_hz} Hz, expected positive numbers and at most "
-                f"{1.0 / (2.0 * math.pi * dt) if dt > 0 else math.nan:.3g} Hz for this period"
-            )
+        check_cutoff(dt, cutoff_hz, self.name, "a cut-off")
         self.body, self.dt, self.cutoff_hz = vehicle.body, dt, cutoff_hz
         self.reach = reach_of(vehicle)
         self.bound, self.jump = self.reach.correction_max, Combined.jump * self.reach.authority
@@ -159,13 +154,7 @@ class INDI(Feedback):
     def __init__(
         self, vehicle: Vehicle, dt: float, cutoff_hz: float = INDI_HZ, *, lag: float | Array = 0.0, delay: float = 0.0
     ) -> None:
-        self.lag = np.broadcast_to(np.asarray(lag, dtype=float), len(AXES)).copy()
-        if not (np.isfinite(self.lag).all() and (self.lag >= 0).all() and 0 <= delay <= HORIZON_MAX):
-            raise UsageError(
-                f"INDI: got lag {self.lag.tolist()} s and delay {delay} s, expected zero or more, and a delay of "
-                f"{HORIZON_MAX:g} s at most"
-            )
-        self.delay = delay
+        self.lag, self.delay = lags(lag, delay, len(AXES), self.name), delay
         super().__init__(vehicle, dt, cutoff_hz)
         tau = np.where(self.lag > 0.0, self.lag, 1.0)
         self._follow = np.where(self.lag > 0.0, np.exp(-dt / tau), 0.0)

@@ -42,6 +42,26 @@ from wrenchgap.plant.state import State
 from wrenchgap.plant.vehicle import Vehicle
 
 
+def check_cutoff(dt: float, hz: float, who: str, what: str) -> None:
+    """Raise UsageError for a period [s] and a cut-off [Hz] that are not positive, or too large together."""
+    if not (math.isfinite(dt) and dt > 0 and 0.0 < 2.0 * math.pi * hz * dt <= 1.0):
+        raise UsageError(
+            f"{who}: got dt {dt} s and {what} of {hz} Hz, expected positive numbers and at most "
+            f"{1.0 / (2.0 * math.pi * dt) if dt > 0 else math.nan:.3g} Hz for this period"
+        )
+
+
+def lags(lag: float | Array, delay: float, count: int, who: str) -> Array:
+    """A lag for each of so many axes [s]. Raises UsageError for one that is none, and for a `delay` that is none."""
+    each = np.broadcast_to(np.asarray(lag, dtype=float), count).copy()
+    if not (np.isfinite(each).all() and (each >= 0).all() and 0 <= delay <= HORIZON_MAX):
+        raise UsageError(
+            f"{who}: got lag {each.tolist()} s and delay {delay} s, expected zero or more, and a delay of "
+            f"{HORIZON_MAX:g} s at most"
+        )
+    return each
+
+
 class Combined:
     """Steps like `Compensator`.
 
@@ -72,20 +92,11 @@ class Combined:
         delay: float = 0.0,
         torque_max: ArrayLike | None = None,
     ) -> None:
-        if not (math.isfinite(dt) and dt > 0 and 0 < 2.0 * math.pi * bandwidth_hz * dt <= 1.0):
-            raise UsageError(
-                f"combined: got dt {dt} s and an observer of {bandwidth_hz} Hz, expected positive numbers and at most "
-                f"{1.0 / (2.0 * math.pi * dt) if dt > 0 else math.nan:.3g} Hz for this period"
-            )
+        check_cutoff(dt, bandwidth_hz, "combined", "an observer")
         bound = _bounds(feedforward) if torque_max is None else np.asarray(torque_max, dtype=float)
         if bound.shape not in ((), (3,)) or not (bound >= 0).all():
             raise UsageError(f"combined: got torque_max {bound.tolist()} Nm, expected three numbers, each zero or more")
-        self.lag = np.broadcast_to(np.asarray(lag, dtype=float), 3).copy()
-        if not (np.isfinite(self.lag).all() and (self.lag >= 0).all() and 0 <= delay <= HORIZON_MAX):
-            raise UsageError(
-                f"combined: got lag {self.lag.tolist()} s and delay {delay} s, expected zero or more, and a delay of "
-                f"{HORIZON_MAX:g} s at most"
-            )
+        self.lag = lags(lag, delay, 3, "combined")
         self.inertia, self.dt, self.delay = vehicle.body.inertia, dt, delay
         self.gain, self.feedforward = 2.0 * math.pi * bandwidth_hz, feedforward
         self.reach = reach_of(vehicle)

@@ -152,15 +152,8 @@ def interpolate(time: Array, knots: Array, quat_wxyz: Array) -> Array:
     return multiply(start, exp(fraction[:, None] * rotation_between(start, quat_wxyz[index + 1])))
 
 
-def hat(vector: Array) -> Array:
-    """Cross-product matrix, hat(a) @ b = a x b, shape (..., 3) to (..., 3, 3)."""
-    x, y, z = np.moveaxis(vector, -1, 0)
-    o = np.zeros_like(x)
-    return np.stack([np.stack(row, axis=-1) for row in ((o, -z, y), (z, o, -x), (-y, x, o))], axis=-2)
-
-
 def vee(S: Array) -> Array:
-    """Inverse of `hat`; takes the skew part, shape (..., 3, 3) to (..., 3)."""
+    """Vector a of the skew part of a matrix, whose product with any b is a x b, shape (..., 3, 3) to (..., 3)."""
     skew = S[..., 2, 1] - S[..., 1, 2], S[..., 0, 2] - S[..., 2, 0], S[..., 1, 0] - S[..., 0, 1]
     return np.asarray(0.5 * np.stack(skew, axis=-1))
 

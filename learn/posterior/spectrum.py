@@ -105,7 +105,16 @@ class Spectrum(LinearProblem):
     @cached_property
     def products(self) -> Array:
         """Means over coefficients (bands, axes, Q, Q), worked out when they are asked for."""
-        return self._products()
+        rows = self.coefficients.transpose(1, 2, 0)
+        size = rows.shape[1]
+        out = np.empty((len(self.count), len(rows), size, size))
+        bands = [np.flatnonzero(self.band == k) for k in range(len(self.count))]
+        for axis, each in enumerate(rows):
+            for k, own in enumerate(bands):
+                x = each[:, own]
+                np.divide(x @ x.T, max(self.count[k, axis], 1.0), out=out[k, axis])
+            let_go(rows)
+        return out
 
     def counted(self) -> Array:
         """Coefficients (bands, A) that say something of the vehicle."""
@@ -181,18 +190,6 @@ class Spectrum(LinearProblem):
         power = np.bincount(self.band, weights=(left / weight)[:, 0] ** 2) / np.maximum(self.count[:, k], 1.0)
         disturbed = power > self.settings.structure**2 * self.sensor[:, k]
         return spanned(left * disturbed[self.band][:, None])
-
-    def _products(self) -> Array:
-        rows = self.coefficients.transpose(1, 2, 0)
-        size = rows.shape[1]
-        out = np.empty((len(self.count), len(rows), size, size))
-        bands = [np.flatnonzero(self.band == k) for k in range(len(self.count))]
-        for axis, each in enumerate(rows):
-            for k, own in enumerate(bands):
-                x = each[:, own]
-                np.divide(x @ x.T, max(self.count[k, axis], 1.0), out=out[k, axis])
-            let_go(rows)
-        return out
 
     def combined(self, weights: Array) -> Array:
         """Sum (K, L) of the coefficients of the quantities times these weights (Q,)."""
