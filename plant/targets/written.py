@@ -10,7 +10,7 @@ from wrenchgap._escaping import comment, printable
 from wrenchgap.flight.errors import ModelError, UsageError
 from wrenchgap.flight.result import Result
 from wrenchgap.plant.model import Model
-from wrenchgap.plant.targets import TARGETS, packages, robots
+from wrenchgap.plant.targets import TARGETS, simulators
 from wrenchgap.plant.targets.autopilots import AUTOPILOTS
 from wrenchgap.plant.targets.quantities import Quantity, Values, acting_effects, at_limit, quantities, values_of
 from wrenchgap.plant.vehicle import Vehicle
@@ -54,17 +54,17 @@ class Simulator:
 BODY = frozenset({"mass", "com", "inertia", "level", "yaw", "lag"})
 XML, HASH = ("<!--", "-->"), ("#", "")
 SIMULATORS = {
-    "mjcf": Simulator("MJCF", robots.mjcf, BODY | {"imu", "direction", "balance"}, XML),
-    "sdf": Simulator("Gazebo's motor model", robots.sdf, BODY | {"direction", "balance", "linear"}, XML),
-    "urdf": Simulator("Gazebo's motor model", robots.urdf, BODY | {"direction", "balance", "linear"}, XML),
+    "mjcf": Simulator("MJCF", simulators.mjcf, BODY | {"imu", "direction", "balance"}, XML),
+    "sdf": Simulator("Gazebo's motor model", simulators.sdf, BODY | {"direction", "balance", "linear"}, XML),
+    "urdf": Simulator("Gazebo's motor model", simulators.urdf, BODY | {"direction", "balance", "linear"}, XML),
     "rotorpy": Simulator(
         "RotorPy",
-        packages.rotorpy,
+        simulators.rotorpy,
         BODY | {"imu", "linear", "quadratic", "lift"},
         HASH,
         frozenset({"drag_torque_of_speed"}),
     ),
-    "drone-models": Simulator("drone-models", packages.drone_models, BODY | {"curve", "twist", "linear"}, HASH),
+    "drone-models": Simulator("drone-models", simulators.drone_models, BODY | {"curve", "twist", "linear"}, HASH),
 }
 
 
