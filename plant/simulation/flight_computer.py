@@ -29,6 +29,14 @@ class Correction(Protocol):
 
     @property
     def wrench_cmd(self) -> Array: ...  # noqa: D102
+    @property
+    def sigma(self) -> float: ...  # noqa: D102
+    @property
+    def beta(self) -> float: ...  # noqa: D102
+    @property
+    def cost(self) -> float: ...  # noqa: D102
+    @property
+    def iterations(self) -> int: ...  # noqa: D102
 
 
 class Compensating(Protocol):
