@@ -106,12 +106,12 @@ class TimeLeftOut:
     why: str
 
 
-def accepted_names(names: Iterable[str], said: str = "--accept") -> tuple[str, ...]:
+def accepted_names(names: Iterable[str]) -> tuple[str, ...]:
     """Names of checks, however they are spelt; raises UsageError for one that there is not."""
     found = [name.strip().lower().replace(" ", "-").replace("_", "-") for name in names]
     wrong = [name for name in found if name not in NAMES]
     if wrong:
-        raise UsageError(f"{said} {wrong[0]}: no check is called so; checks: {', '.join(NAMES)}")
+        raise UsageError(f"--accept {wrong[0]}: no check is called so; checks: {', '.join(NAMES)}")
     return tuple(dict.fromkeys(found))
 
 

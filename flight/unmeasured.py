@@ -40,17 +40,14 @@ COVARIANCES = {
 """Fields of sensor_msgs/Imu, and the axes that they speak for."""
 
 
-def axis_names(names: Iterable[str], said: str = "--unmeasured") -> tuple[str, ...]:
-    """The names in the order of `AXES`, each once; `said` is who says them.
-
-    Raises UsageError for any other name, and where nothing would be left.
-    """
+def axis_names(names: Iterable[str]) -> tuple[str, ...]:
+    """The names in the order of `AXES`, each once; raises UsageError for others, and where nothing would be left."""
     given = list(names)
     wrong = [name for name in given if name not in AXES]
     if wrong:
-        raise UsageError(f"{said}: {wrong[0]!r} is no axis; expected names out of {', '.join(AXES)}")
+        raise UsageError(f"--unmeasured: {wrong[0]!r} is no axis; expected names out of {', '.join(AXES)}")
     if len(set(given)) == len(AXES):
-        raise UsageError(f"{said}: got all six axes, and nothing would be left to compare; name five at most")
+        raise UsageError("--unmeasured: got all six axes, and nothing would be left to compare; name five at most")
     return tuple(axis for axis in AXES if axis in given)
 
 

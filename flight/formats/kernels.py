@@ -36,14 +36,15 @@ def _number(data: Bytes, place: Any, size: int) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def walked(data: Bytes, start: int, stop: int, passed: Mask, places: Ints, count: int) -> tuple[int, int, int]:
+def walked(data: Bytes, start: int, stop: int, passed: Mask, places: Ints) -> tuple[int, int, int]:
     """Go through MCAP records from `start` to `stop` and note the messages: how many, and where and why it ended.
 
-    A column of `places` (4, room), from `count` on, becomes channel, log time [ns], first byte and length of a payload.
+    A column of `places` (4, room) becomes channel, log time [ns], first byte and length of a payload.
     Records whose opcode is `passed` (256,) are passed over. The walk ends before a record that it does not read:
     another opcode, a message that is too short, later than `LAST_TIME`, or compressed by itself.
     """
     position: Any = start
+    count = 0
     while position + RECORD <= stop:
         opcode = data[position]
         length = _number(data, position + 1, 8)

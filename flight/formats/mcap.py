@@ -137,7 +137,7 @@ class McapReader(Reader):
         """The messages with which bytes of the file begin, where they lie; the first odd one ends them."""
         data, why, self._walked = np.frombuffer(records, dtype=np.uint8), FULL, 0
         while why == FULL:
-            count, self._walked, why = walked(data, self._walked, len(records), _NONE_PASSED, self._places, 0)
+            count, self._walked, why = walked(data, self._walked, len(records), _NONE_PASSED, self._places)
             yield from self._found(records, count, wanted, gathered)
 
     def _chunk(self, records: bytes, wanted: Wanted, gathered: Gatherer) -> Iterator[Batch]:
@@ -145,7 +145,7 @@ class McapReader(Reader):
         data, position, size = np.frombuffer(records, dtype=np.uint8), 0, len(records)
         why = OTHER
         while why in (OTHER, FULL):
-            count, position, why = walked(data, position, size, _PASSED, self._places, 0)
+            count, position, why = walked(data, position, size, _PASSED, self._places)
             yield from self._found(records, count, wanted, gathered)
             if why == OTHER:
                 opcode, length = _RECORD.unpack_from(records, position)

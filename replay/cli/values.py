@@ -23,10 +23,10 @@ def usage_error(text: str) -> Exception:
     return UsageError(text)
 
 
-def check_ending(option: str, path: Path, what: str, ending: str, others: str = "") -> None:
-    """Raise UsageError for a file to write whose name does not end as `what` is written."""
+def check_ending(path: Path, what: str, ending: str, others: str = "") -> None:
+    """Raise UsageError for an --output whose name does not end as `what` is written."""
     if path.suffix != ending:
-        raise usage_error(f"{option} {path}: {what}; expected a name that ends in {ending}{others}")
+        raise usage_error(f"--output {path}: {what}; expected a name that ends in {ending}{others}")
 
 
 def parse_cutoff(hz: float) -> float:

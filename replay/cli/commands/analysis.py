@@ -140,7 +140,7 @@ def discover(
 
     run.claim({"--output": output, "--figure": figure}, *logs, *(validate or ()), model)
     if output is not None:
-        check_ending("--output", output, "the law is a Python file", ".py")
+        check_ending(output, "the law is a Python file", ".py")
     base = run.model(model)
     with run.progress("discovering") as report:
         flights, tests = run.open(reading.options, logs, base, validate)

@@ -64,7 +64,7 @@ def simulate(
     from wrenchgap.replay.present import simulation
 
     run.claim({"--output": output, "--truth": truth}, trajectory)
-    values.check_ending("--output", output, "logs are written as MCAP", ".mcap")
+    values.check_ending(output, "logs are written as MCAP", ".mcap")
     plan = Plan(run.model(model), trajectory, duration, excitation, seed, integral, tuple(hide or ()))
     true, _, _ = prepare(plan)
     with run.progress("flying", "flying") as report:
@@ -128,7 +128,7 @@ def design(
     from wrenchgap.replay.present import design as present
 
     run.claim({"--output": output, "--csv": csv, "--figure": figure}, *(logs or ()), model)
-    values.check_ending("--output", output, "trajectories are written as TOML", ".toml")
+    values.check_ending(output, "trajectories are written as TOML", ".toml")
     base = run.model(model)
     limits = usual(base.vehicle)
     x, y, z = limits.room

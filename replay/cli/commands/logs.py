@@ -176,5 +176,5 @@ def _targets(logs: list[Path], output: Path) -> dict[Path, Path]:
         return targets
     if len(logs) > 1:
         raise usage_error(f"--output {output}: {len(logs)} logs go into a folder; expected one that exists")
-    check_ending("--output", output, "logs are written as MCAP", ".mcap", ", or a folder")
+    check_ending(output, "logs are written as MCAP", ".mcap", ", or a folder")
     return {logs[0]: output}

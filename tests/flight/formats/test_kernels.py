@@ -37,11 +37,11 @@ OTHERS = st.tuples(st.integers(6, 12) | st.just(3), st.binary(max_size=40))
 """Opcode and body of a record that is no message."""
 
 
-def walked(data, room, start=0, count=0):
+def walked(data, room, start=0):
     """What a walk from `start` notes, and how it ends; schemas and channels (3, 4) are not passed over."""
     places, passed = np.full((4, room), -1), np.ones(256, dtype=bool)
     passed[[3, 4]] = False
-    end = kernels.walked(np.frombuffer(data, dtype=np.uint8), start, len(data), passed, places, count)
+    end = kernels.walked(np.frombuffer(data, dtype=np.uint8), start, len(data), passed, places)
     return *end, places
 
 
@@ -105,7 +105,7 @@ def test_a_walk_stops_at_what_it_does_not_read_and_says_why():
         (bytes(20), kernels.BROKEN),
     ):
         data = np.frombuffer(whole + tail, dtype=np.uint8)
-        count, position, reason = kernels.walked(data, 0, len(data), passed, places, 0)
+        count, position, reason = kernels.walked(data, 0, len(data), passed, places)
         assert (count, reason) == (2 if why == kernels.FULL else 1, why)
         assert position == count * len(whole)
         np.testing.assert_array_equal(places[:, 0], [1, 5, 9 + 22, 6])
