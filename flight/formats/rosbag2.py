@@ -176,13 +176,9 @@ class Rosbag2FolderReader(Reader):
     def data_files(self) -> list[Path]:
         """The bag's files in the order of their numbers; metadata.yaml's list, where there is one, is respected."""
         listed = _listed_files(self.path / "metadata.yaml")
-        if listed is None:
-            return only_recording(self.path)
         found = sorted((p for p in self.path.iterdir() if p.is_file() and storage(p)), key=natural)
-        if not found:
-            raise LogError(
-                f"{self.path}: the folder holds no .db3 or .mcap file; expected a ROS 2 bag folder or a file"
-            )
+        if listed is None or not found:
+            return only_recording(self.path)
         return [p for p in found if p.name in listed or p.name.removesuffix(".zstd") in listed] or found
 
     def batches(self, wanted: Wanted) -> Iterator[Batch]:
