@@ -10,7 +10,6 @@ same.
 The same flight gives the same bytes. A file appears under its name when it is complete, or not at all.
 """
 
-import heapq
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,7 +17,7 @@ from typing import Any
 
 import numpy as np
 from mcap.reader import make_reader
-from mcap.writer import CompressionType, Writer
+from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
@@ -29,8 +28,10 @@ from wrenchgap.flight.atomic import atomic
 from wrenchgap.flight.errors import UsageError
 from wrenchgap.flight.flight import Array, Flight, OdometrySeries, ReferenceSeries
 from wrenchgap.flight.formats.decode import ACTUATORS, DTYPES, layout_of
+from wrenchgap.flight.formats.message_layouts import joined_ranges
 from wrenchgap.flight.formats.reader import Table
 from wrenchgap.flight.formats.standard_topics import StandardTopic, vector
+from wrenchgap.flight.mcap_messages import Messages, write_messages
 
 PROVENANCE = "wrenchgap"
 """Name of the metadata record in which a file says where it comes from."""
@@ -86,20 +87,13 @@ def write(
         raise UsageError(f"{path}: topic {', '.join(twice)} is written twice; give the additional series another name")
     about = {key: storable(value) for key, value in (metadata or {}).items()}
     with atomic(path) as partial, partial.open("wb") as stream:
-        store = get_typestore(Stores.ROS2_HUMBLE)
+        store, every = get_typestore(Stores.ROS2_HUMBLE), []
         store.register(get_types_from_msg(ACTUATORS["actuator_msgs/msg/Actuators"], "actuator_msgs/msg/Actuators"))
-        writer = Writer(stream, compression=CompressionType.ZSTD)
-        writer.start(profile="ros2", library=PROVENANCE)
-        schemas = {
-            kind: writer.register_schema(kind, "ros2msg", store.generate_msgdef(kind, ros_version=2)[0].encode())
-            for kind in dict.fromkeys(topic.table.type for topic in topics)
-        }
-        channels = [writer.register_channel(t.table.topic, "cdr", schemas[t.table.type]) for t in topics]
-        for stamp, k, place, payload in heapq.merge(*(_messages(k, t, store) for k, t in enumerate(topics))):
-            writer.add_message(channels[k], stamp, payload, stamp, place)
-        if about:
-            writer.add_metadata(PROVENANCE, about)
-        writer.finish()  # type: ignore[no-untyped-call]
+        for topic in topics:
+            name, kind, stamps = topic.table.topic, topic.table.type, topic.table.log_time_ns
+            definition = store.generate_msgdef(kind, ros_version=2)[0]
+            every.append(Messages(name, kind, definition, stamps, *_payloads(topic, store)))
+        write_messages(stream, every, PROVENANCE, (PROVENANCE, about) if about else None)
     return path
 
 
@@ -129,29 +123,37 @@ def _clock(start_ns: int, times: list[Array]) -> At:
     return lambda name, time: StandardTopic(name, known[id(time)], known[id(time)])
 
 
-def _messages(number: int, topic: _Topic, store: Typestore, piece: int = 4096) -> Iterator[tuple[int, int, int, bytes]]:
-    """Messages in the order of time: stamp [ns], the topic's `number`, place in the topic, and CDR payload.
-
-    One message is serialised; of a `piece` of the others numbers are put in its place.
-    """
+def _payloads(
+    topic: _Topic, store: Typestore
+) -> tuple[NDArray[np.uint8], Callable[[int, int], NDArray[np.uint8]], NDArray[np.int64]]:
+    """CDR messages as `Messages` has them: one is serialised; numbers that all share go there, the others beside it."""
     kind, columns, stamps = topic.table.type, topic.table.columns, topic.table.log_time_ns
     lengths = {name: values.shape[1] for name, values in columns.items() if values.ndim == 2}
     blank = _blank(kind, store, topic.texts, lengths)
-    template = np.frombuffer(bytes(store.serialize_cdr(blank, kind)), dtype=np.uint8)
+    template = np.frombuffer(bytes(store.serialize_cdr(blank, kind)), dtype=np.uint8).copy()
     layout = layout_of(template.tobytes(), kind, store.fielddefs)
-    order = np.argsort(stamps, kind="stable")
-    for rows in np.split(order, range(piece, len(order), piece)):
-        payloads = np.repeat(template[None], len(rows), axis=0)
-        seconds = stamps[rows] // SECOND
-        stamped = {"header.stamp.sec": seconds, "header.stamp.nanosec": stamps[rows] - SECOND * seconds}
-        own = {name: values[rows] for name, values in columns.items()}
-        for name, values in {**topic.alike, **own, **{k: v for k, v in stamped.items() if k in layout}}.items():
-            offset, dtype, count = layout[name]
-            shaped = values if name in topic.alike else np.reshape(values, (len(rows), count))
-            numbers = np.ascontiguousarray(np.broadcast_to(shaped, (len(rows), count)), dtype=dtype)
-            payloads[:, offset : offset + dtype.itemsize * count] = numbers.view(np.uint8)
-        for place, payload in zip(rows.tolist(), payloads, strict=True):
-            yield int(stamps[place]), number, place, payload.tobytes()
+    for name, value in topic.alike.items():
+        offset, dtype, count = layout[name]
+        template[offset : offset + dtype.itemsize * count] = np.full(count, value, dtype=dtype).view(np.uint8)
+    header = [name for name in ("header.stamp.sec", "header.stamp.nanosec") if name in layout]
+    names = sorted([*columns, *header], key=lambda name: layout[name][0])
+    kinds = [(name, dtype, (count,)) for name in names for _, dtype, count in [layout[name]]]
+
+    def varying(start: int, stop: int) -> NDArray[np.uint8]:
+        """What varies in messages start to stop, as bytes."""
+        out = np.empty(stop - start, dtype=kinds)
+        for name in names:
+            if name in header:
+                seconds = stamps[start:stop] // SECOND
+                part = seconds if name == header[0] else stamps[start:stop] - SECOND * seconds
+            else:
+                part = columns[name][start:stop]
+            out[name] = part if part.ndim > 1 else part[:, None]
+        return out.view(np.uint8).reshape(stop - start, out.dtype.itemsize)
+
+    sizes = [dtype.itemsize * count for _, dtype, (count,) in kinds]
+    starts = np.cumsum([0, *sizes])[:-1].tolist()
+    return template, varying, joined_ranges(zip(starts, (layout[name][0] for name in names), sizes, strict=True))
 
 
 def _blank(kind: str, store: Typestore, texts: Mapping[str, str], lengths: dict[str, int], prefix: str = "") -> object:

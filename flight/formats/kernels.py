@@ -1,4 +1,7 @@
-"""Loops over the bytes of messages that are read, compiled.
+"""Loops over the bytes of messages, read and written, compiled.
+
+Writing an MCAP file, these are the order of messages, and records filled in place; their plain form, message by
+message, is the `mcap` package's `Writer` (tests/flight/test_mcap_messages.py).
 
 numba compiles them once per machine and keeps them (docs/decisions/0030-messages-where-they-lie.md).
 """
@@ -224,3 +227,56 @@ def copied(
                 copy_bytes(rows, (used + count) * width + ranges[r, 1], data, start + ranges[r, 0], ranges[r, 2])
             count += 1
     return count
+
+
+HEAD = 31
+"""Bytes of a message record before its payload: opcode 1, length 8, channel 2, sequence 4, two times of 8."""
+
+
+@njit(cache=True, nogil=True)
+def merged(
+    stamps: Ints, starts: Ints, counts: Ints, sizes: Ints, done: Ints, now: Ints, at: int, most: int, found: Ints
+) -> tuple[int, bool]:
+    """The next messages by time, then by topic, until one ends beyond `most` bytes, the first at place `at`.
+
+    Topic k has rising stamps, `counts[k]` from `starts[k]` on in `stamps`, of which `done[k]` are through, and records
+    of `sizes[k]` bytes; `now` (2,) is the stamp at hand and the topic whose turn it is. Gives how many there are, and
+    whether one did end there; number, index, stamp and place of each are in the rows of `found` (4, M).
+    """
+    many, topics = 0, len(starts)
+    while True:
+        while now[1] < topics:
+            k = now[1]
+            if done[k] == counts[k] or stamps[starts[k] + done[k]] != now[0]:
+                now[1] += 1
+                continue
+            found[0, many], found[1, many], found[2, many], found[3, many] = k, done[k], now[0], at
+            many += 1
+            done[k] += 1
+            at += sizes[k]
+            if at > most:
+                return many, True
+        none = True
+        for k in range(topics):
+            if done[k] < counts[k]:
+                stamp = stamps[starts[k] + done[k]]
+                if none or stamp < now[0]:
+                    now[0], none = stamp, False
+        if none:
+            return many, False
+        now[1] = 0
+
+
+@njit(cache=True, nogil=True)
+def placed(records: Bytes, places: Ints, record: Bytes, varying: Bytes, rows: Ints, spans: Ints) -> None:
+    """Message records of one topic into `records`, at `places` (N,).
+
+    `record` (length,) is what they share. Of `varying` (M, V), `rows` (N,) is what each has of its own; of these bytes
+    `spans` (S, 3) are first byte, first byte in the record, and how many.
+    """
+    flat, width = varying.reshape(-1), varying.shape[1]
+    for n in range(len(rows)):
+        copy_bytes(records, places[n], record, 0, len(record))
+        for s in range(len(spans)):
+            to, of = places[n] + spans[s, 1], rows[n] * width + spans[s, 0]
+            copy_bytes(records, to, flat, of, spans[s, 2])

@@ -142,7 +142,7 @@ def test_an_existing_file_is_safe(made, tmp_path):
 def test_nothing_half_written_is_left(made, tmp_path):
     broken = replace(made, imu=replace(made.imu, omega_B=made.imu.omega_B[:10]))
     (tmp_path / "log.mcap").write_bytes(b"old")
-    with pytest.raises(IndexError, match="out of bounds"):
+    with pytest.raises(ValueError, match="broadcast"):
         write(broken, tmp_path / "log.mcap", force=True)
     assert [p.name for p in tmp_path.iterdir()] == ["log.mcap"]
     assert (tmp_path / "log.mcap").read_bytes() == b"old"
