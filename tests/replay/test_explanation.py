@@ -25,8 +25,9 @@ from wrenchgap.learn.posterior.settings import SearchSettings
 from wrenchgap.learn.posterior.verdict import OpenBand, Verdict, decide
 from wrenchgap.plant.effects import find
 from wrenchgap.plant.model import make_effect
+from wrenchgap.plant.vehicle import Tolerances
 from wrenchgap.replay.present import fitted_effects, posterior, what_to_inspect
-from wrenchgap.replay.present.answer import answer, answer_lines, in_full, short, summary
+from wrenchgap.replay.present.answer import answer, answer_lines, evidence, in_full, short, summary, thrust_beyond
 from wrenchgap.replay.present.documents import VERSIONS, plain
 from wrenchgap.replay.present.explanation import brief, members, to_json, what_next
 from wrenchgap.replay.present.notes import not_tried
@@ -661,3 +662,16 @@ def test_what_one_rotor_leaves_is_said_by_the_users_name(named):
 
 def written(found):
     return json.loads(json.dumps(plain(to_json(found))))
+
+
+def test_thrust_beyond_what_the_model_knows_stands_in_the_answer(logs):
+    """All of it 6 % less than the commands ask for: or a vehicle that is 1 / 0.94 as heavy; either is one to weigh."""
+    known = replace(MODEL, vehicle=replace(MODEL.vehicle, tolerances=Tolerances(thrust=0.02)))
+    (flight,) = wg.open_flights(logs.ideal, known)
+    less = replace(flight, records=tuple(replace(r, measured=0.94 * r.measured) for r in flight.records))
+    found = wg.explain(less, known, names=("com_offset",), injections=0, jobs=1)
+    assert found.fit.thrust == pytest.approx(-0.06, abs=0.003)
+    (said,) = thrust_beyond(found)
+    assert re.match(r"All thrust is (5\.\d|6\.\d|6) % less than the model has it, or the vehicle 6\.\d % heavier", said)
+    assert said in answer(found)
+    assert not any("no effect is named for that" in text for text in evidence(found))
