@@ -1,5 +1,7 @@
 """What `add` says of values that may stand for something else."""
 
+from dataclasses import replace
+
 import numpy as np
 
 import wrenchgap as wg
@@ -17,6 +19,14 @@ def test_of_an_effect_that_leaves_many_times_the_noise_it_is_said_that_others_ma
     assert "Nm are left of torque_" in said
     assert np.nanmax(wrong.trial.after / wrong.trial.noise) > 5.0
     assert said in " ".join(str(wrong).split())
+
+
+def test_of_a_model_that_predicts_worse_it_is_said_to_keep_the_other(logs):
+    (flight,) = wg.open_flights(logs.train, MODEL)
+    better = wg.add(MODEL, ("com_offset",), flight)
+    worse = replace(better, trial=replace(better.trial, change=0.5, t=-8.0))
+    words = "tilt_hexarotor without it predicts these flights better: keep that model"
+    assert [words in " ".join(str(one).split()) for one in (better, worse)] == [False, True]
 
 
 def test_two_effects_that_do_the_same_are_said_to_be_known_together_alone(logs):
