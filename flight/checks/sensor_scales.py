@@ -292,14 +292,19 @@ def signal_loss(sums: Array, motion: Array, when: Array) -> SignalLoss | None:
     """From when on, or until when, an axis shows nothing of the attitude's turns, as much as it turns; of segments that
     begin at `when` (P,), `motion` (P,) is the sum of T^2 as it is.
 
-    Where the attitude hardly turns it shows its noise alone, and so does a sound axis.
+    Where the attitude hardly turns it shows its noise alone, and so does a sound axis. What is lost is lost in most
+    segments: an attitude that is set anew contradicts a sound gyroscope in one.
     """  # noqa: D205
     tt, tr, rr = sums
     alike, found = tr / np.sqrt(np.maximum(tt * rr, 1e-30)), []
     for k in range(SCALE.fewest_segments // 2, len(when) - SCALE.fewest_segments // 2 + 1):
         sides = [(alike[rows], tt[rows], motion[rows]) for rows in (slice(k), slice(k, None))]
-        means = [(float(np.sum(c * w) / max(np.sum(w), 1e-30)), float(np.median(m))) for c, w, m in sides]
-        (seen, usual), (unseen, there) = max(means), min(means)
-        if there > SCALE.least_motion * usual and seen > SCALE.correlated and abs(unseen) < SCALE.uncorrelated:
+        means = [
+            (float(np.sum(c * w) / max(np.sum(w), 1e-30)), float(np.median(m)), float(np.median(c)))
+            for c, w, m in sides
+        ]
+        (seen, usual, _), (unseen, there, mostly) = max(means), min(means)
+        lost = max(abs(unseen), abs(mostly)) < SCALE.uncorrelated
+        if lost and there > SCALE.least_motion * usual and seen > SCALE.correlated:
             found.append(SignalLoss(float(when[k]), means[0][0], means[1][0]))
     return max(found, key=lambda lost: abs(lost.before - lost.after), default=None)

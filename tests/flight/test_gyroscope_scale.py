@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from tests.independent.flown_quadrotor import Case, fly
 from wrenchgap.flight.checks import with_checks
 from wrenchgap.flight.checks.gyroscope_scale import high_pass
-from wrenchgap.flight.checks.sensor_scales import sensor_scales
+from wrenchgap.flight.checks.sensor_scales import sensor_scales, signal_loss
 from wrenchgap.flight.checks.sensor_windows import SCALE
 from wrenchgap.flight.flight import ActuatorSeries, Flight, ImuSeries, OdometrySeries
 
@@ -238,6 +238,18 @@ def test_axes_that_show_noise_alone_in_part_of_the_flight_are_said(axes, first):
     when = "until 14 s" if first else "from 18 s on"
     assert f"z shows nothing of the attitude's turns {when} (correlation" in found.words
     assert ("x shows nothing" in found.words) == (axes != 2)
+
+
+@pytest.mark.parametrize(("early", "lost"), [((0.9, 0.95, 0.9, -0.1), False), ((0.1, -0.1, 0.0, -0.1), True)])
+def test_an_attitude_that_is_set_anew_once_is_no_dead_gyroscope(early, lost):
+    """Four segments, of which one has most of the motion, and 20 in which both turn alike."""
+    alike = np.array([*early, *[0.98] * 20])
+    motion = np.array([0.2, 0.2, 0.2, 3.0, *[0.3] * 20])
+    sums = np.stack((motion, alike * motion, motion))
+    found = signal_loss(sums, motion, 2.0 * np.arange(24.0))
+    assert (found is not None) == lost
+    if lost:
+        assert found.time == 8.0
 
 
 def standing_first(until, size, idle):
