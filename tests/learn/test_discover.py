@@ -272,6 +272,7 @@ def test_the_document_is_what_the_schema_says(found):
     assert "sin 4 psi" in made["summary"][0]
 
 
+@pytest.mark.slow
 def test_a_flight_with_nothing_hidden_has_no_law():
     flight = engine.fly([engine.Case("nothing", excited=1.0, seed=23, seconds=34.0, fast=2.0)])
     found = wg.discover(wg.open_flights(flight, engine.MODEL), engine.MODEL)

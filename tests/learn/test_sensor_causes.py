@@ -125,6 +125,7 @@ def test_a_gyroscope_with_a_low_pass_of_its_own_is_no_firm_lag(filtered):
     assert not {"command_delay", "motor_lag"} & set(found.firm)
 
 
+@pytest.mark.slow
 def test_an_imu_whose_sensors_have_one_low_pass_has_no_late_gyroscope_and_makes_no_firm_lag(filtered):
     found = filtered("omega_B", "specific_force_B")
     assert found.timing[0].late_gyroscope is None

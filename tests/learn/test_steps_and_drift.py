@@ -80,7 +80,7 @@ def test_groups_of_one_size_differ_and_none_lies_apart():
     assert course(values, 3.0 * errors).verdict is Verdict.STEADY
 
 
-@pytest.mark.parametrize("count", [4, 6, 12, 25])
+@pytest.mark.parametrize("count", [4, 6, 12, pytest.param(25, marks=pytest.mark.slow)])
 def test_errors_that_are_true_are_seldom_taken_for_flights_that_differ(count):
     """At 1 % each, apart or by size; the first whatever the errors are, as tiny ones say nothing of outliers."""
     rng = np.random.default_rng(100 + count)
