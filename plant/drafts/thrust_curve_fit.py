@@ -88,7 +88,11 @@ def with_fitted_thrust(draft: Draft, flown: Flight) -> Draft:
     if not least < ratio < most:
         note = f"{where}: full throttle would lift {ratio:.3g} times the weight; not believed, is this a flight?"
         return replace(draft, notes=(*draft.notes, note))
-    return replace(draft, command=replace(command, keys=keys, thrust_max=Sourced(float(middle), words)))
+    note = (
+        "forces and torques scale with the mass that was given, which no log of throttle can check: weigh the vehicle"
+    )
+    fitted = replace(command, keys=keys, thrust_max=Sourced(float(middle), words))
+    return replace(draft, command=fitted, notes=(*draft.notes, note))
 
 
 def _columns(draft: Draft, raw: Array) -> Array:

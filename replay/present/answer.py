@@ -73,7 +73,7 @@ def _around_groups(found: Explanation) -> tuple[list[str], list[str]]:
                 after = [f"{'Beside it' if by('is') == 'is by' else 'Perhaps beside it'}: {names}."]
     if found.verdict is not Verdict.NOTHING and (shared := what_to_inspect.granted(found, "")):
         after.append(f"{capitalised(shared)}.")
-    after += [*thrust_beyond(found), posterior.large_residual(found), posterior.largest_residual(found)]
+    after += [thrust_beyond(found), posterior.large_residual(found), posterior.largest_residual(found)]
     return [text for text in before if text], [text for text in after if text]
 
 
@@ -90,26 +90,40 @@ def evidence(found: Explanation) -> list[str]:
         said = [] if short_one else [posterior.residual_in_words(found), posterior.unproven(found)]
     else:
         said = [posterior.turbulence(found), "" if found.verdict is Verdict.NOTHING else posterior.unproven(found)]
-    return [text for text in (*said, *([] if thrust_beyond(found) else granted_thrust(found))) if text]
+    return [text for text in (*said, "" if thrust_beyond(found) else granted_thrust(found)) if text]
 
 
-def thrust_beyond(found: Explanation) -> list[str]:
-    """Thrust, or a mass, that is off by more than one standard deviation of what the model knows of its thrust."""
-    known = found.model.vehicle.tolerances.thrust or 0.0
-    return [
+def thrust_needed(found: Explanation) -> float | None:
+    """By how much the mean force is more than that of the commands, relative to it, where the model is not sure of its
+    thrust. Of the mean: changes of the force that come late, or of commands that are logged slowly, are no scale.
+    """  # noqa: D205
+    records = [r for f in found.flights for r in f.records if r.measured_axes[2]]
+    if not found.fit.thrust.size or not records:
+        return None
+    measured, commanded = (
+        np.concatenate([getattr(r, name)[:, :3] for r in records]).mean(axis=0) for name in ("measured", "commanded")
+    )
+    return float(np.nan_to_num(measured) @ commanded / (commanded @ commanded)) - 1.0
+
+
+def thrust_beyond(found: Explanation) -> str:
+    """That thrust, or the mass, is off by more than one standard deviation of what the model knows of its thrust."""
+    off, known = thrust_needed(found), found.model.vehicle.tolerances.thrust or 0.0
+    if off is None or abs(off) <= known:
+        return ""
+    return (
         f"All thrust is {share(abs(off))} {'less' if off < 0.0 else 'more'} than the model has it, or the vehicle "
         f"{share(abs(1.0 / (1.0 + off) - 1.0))} {'heavier' if off < 0.0 else 'lighter'} (the model knows its thrust to "
         f"{share(known)}): weigh it; if the mass is right, `add thrust_scale`."
-        for off in found.fit.thrust
-        if abs(off) > known
-    ]
+    )
 
 
-def granted_thrust(found: Explanation) -> list[str]:
+def granted_thrust(found: Explanation) -> str:
     """What a model that is not sure of its thrust was granted."""
-    known = share(found.model.vehicle.tolerances.thrust or 0.0)
-    return [
+    off, known = thrust_needed(found), share(found.model.vehicle.tolerances.thrust or 0.0)
+    if off is None or abs(off) < 0.01:  # what is said is whole per cent
+        return ""
+    return (
         f"The model knows its thrust to {known}, and these flights ask for {100.0 * off:+.1f} %: no effect is "
         "named for that; `add thrust_scale` takes it into the model."
-        for off in found.fit.thrust
-    ]
+    )

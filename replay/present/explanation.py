@@ -12,7 +12,15 @@ from wrenchgap.learn.posterior.members import Member
 from wrenchgap.learn.posterior.single_effects import Candidate
 from wrenchgap.replay.present import comparison, detection, fitted_effects, posterior, tables, timing, what_to_inspect
 from wrenchgap.replay.present.addition import ALIKE, apart, cosine
-from wrenchgap.replay.present.answer import MOST_PLACES, answer_lines, evidence, granted_thrust, short, summary
+from wrenchgap.replay.present.answer import (
+    MOST_PLACES,
+    answer_lines,
+    evidence,
+    granted_thrust,
+    short,
+    summary,
+    thrust_beyond,
+)
 from wrenchgap.replay.present.design import design_command
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import doubted_mass, not_tried_json, not_tried_lines, of_flights
@@ -83,7 +91,7 @@ def what_next(
         thrust, also = [], ""
         fit, last = found.fit, found.fit.jacobian.shape[2] - 1
         same = any(abs(cosine(fit, k, last)) > ALIKE for k in range(len(fit.theta)))
-        if fit.thrust.size and not same:  # granted to `explain`; a model that is to fly has it
+        if fit.thrust.size and (not same or thrust_beyond(found)):
             thrust, known = ["thrust_scale"], share(found.model.vehicle.tolerances.thrust or 0.0)
             also = f" (with the scale of all thrust, which the model knows to {known})"
         names = " ".join([*(firm or found.effects), *thrust])
@@ -189,7 +197,7 @@ def to_json(found: Explanation) -> dict[str, Any]:
         "flights": [f.records[0].flight for f in found.flights],
         "timing": [timing.to_json(one) for one in found.timing],
         "cutoff_hz": found.flights[0].records[0].cutoff_hz if found.flights else None,
-        "notes": [*apart(found.apart), *granted_thrust(found), *of_flights(found.flights)],
+        "notes": [*apart(found.apart), *filter(None, [granted_thrust(found)]), *of_flights(found.flights)],
     }
 
 

@@ -178,7 +178,7 @@ def _balance(motors: Motors, drift: str, told: str) -> str:
         off = float(np.hypot(*motors.centre))
         where = side_of(*motors.centre)
         return (
-            f"{said}, and with its neighbours puts the centre of thrust {share(off)} of the arm to the {where}: the "
+            f"{said}, and all together put the centre of thrust {share(off)} of the arm to the {where}: the "
             "centre of mass is there, or the propellers there are weak. Inspect these; if they are sound, move the "
             f"battery away from there.{earlier}{drift}"
         )

@@ -53,10 +53,15 @@ class SessionEffects:
         """Down to the current model, on this flight and on those that it was not fitted to."""
         return self.working.cached(("staircases", flight), lambda: self._staircases(flight))
 
-    def add(self, names: tuple[str, ...], flight: str) -> None:
-        """Put effects in, fitted on the flight together with those that are in."""
+    def add(self, names: tuple[str, ...], flight: str) -> str:
+        """Put effects in, fitted on the flight together with those that are in; what that did, in words."""
+        from wrenchgap.replay.present.addition import verdict  # here: the page need not wait for it
+
         with self.working.lock:
             self._fitted(names, flight, f"add {', '.join(names)}")
+            trial = self.working.revisions[-1].trial
+        did = "nothing was held out to judge it by" if trial is None else f"on held-out time {verdict(trial)}"
+        return f"added {', '.join(names)}: {did}"
 
     def refit(self, flight: str) -> None:
         """Fit all that are in anew on the flight. Raises UsageError where none is."""
@@ -120,6 +125,13 @@ class SessionEffects:
         """What `save` would write into a file of this name."""
         with self.working.lock:
             return model_file.dumps(self._versioned(Path(file_name(name))))
+
+    def downloaded(self, name: str) -> tuple[str, str]:
+        """The text of `save` for a browser that keeps it under this name, and in words that it does."""
+        with self.working.lock:
+            versioned, text = self._versioned(Path(file_name(name))), self.model_text(name)
+            self.working.was_saved(replace(versioned, path=Path(file_name(name)), text=text))
+        return text, f"{name}: downloaded"
 
     def exported(self, target: str, flight: str) -> str:
         """The current model in the terms of an autopilot, with what was set in this flight, or of a simulator."""

@@ -167,7 +167,9 @@ class EffectsPanel(Panel):
         """Put effects into the model, fitted on the flight shown."""
         if any(n not in self.available for n in names):
             raise UsageError(f"{', '.join(names)}: cannot be added on this flight; choose an effect of the list")
-        self._change(partial(self.effects.add, tuple(names), self.host.scene.name))
+        said = self.effects.add(tuple(names), self.host.scene.name)
+        self.host.refresh()
+        self.host.notify(said)
 
     def tell_apart(self, names: tuple[str, ...]) -> None:
         """Search for the flight that tells these effects apart."""
@@ -230,10 +232,11 @@ class EffectsPanel(Panel):
 
     def _saved(self, event: Any) -> None:
         name = self.path.value.strip()
-        if not self.effects.saves:
-            download(event.client, name, self.effects.model_text(name).encode())
-            return
-        words = self.effects.save(name)
+        if self.effects.saves:
+            words = self.effects.save(name)
+        else:
+            text, words = self.effects.downloaded(name)
+            download(event.client, name, text.encode())
         self.host.refresh()
         self.host.notify(words)
 
