@@ -19,7 +19,7 @@ from wrenchgap.plant.model import Model
 from wrenchgap.plant.model_file import provenance_now
 from wrenchgap.plant.wrench_model import ModelEffect
 from wrenchgap.replay.present import changed as words
-from wrenchgap.replay.present.numbers import number, unit
+from wrenchgap.replay.present.numbers import capitalised, number, unit
 from wrenchgap.replay.present.what_to_inspect import sentences as what_to_inspect
 from wrenchgap.replay.session.panels import html
 from wrenchgap.replay.session.worker import worker_result
@@ -173,12 +173,16 @@ class ChangedPanel(Panel):
             found=found,
             model=model,
             healthy=[row.flight for row in found.rows if row.role != "suspect"],
-            sentences=[
-                words.summary(found),
-                *words.outliers(found, "ticked"),
-                words.baseline(found),
-                *words.feedback(found),
-                *words.not_compared(found),
+            summary=words.summary(found),
+            notes=[
+                capitalised(text)
+                for text in (
+                    *words.outliers(found, "ticked"),
+                    words.baseline(found),
+                    *words.feedback(found),
+                    *words.not_compared(found),
+                )
+                if text
             ],
             changes=[(p, _change_in_words(p)) for p in found.parameters if something],
             inspect=what_to_inspect(found),
