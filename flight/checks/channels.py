@@ -77,8 +77,8 @@ def coarse(flight: Flight, most: float = 0.5, rows: int = 20_000) -> Iterator[Ch
     """Axes of the IMU that read one value in more than `most` of the samples in which others go on, of at most `rows`.
 
     Steps q of a signal whose standard deviation is s do that from q = 1.35 s on: what is lost in rounding is then
-    q / sqrt(12) = 0.4 s, and moves with the signal. A dead band does it too. Of 42 recorded and
-    simulated logs no axis is above 0.02; at 0.25 or 0.75 the same logs are found.
+    q / sqrt(12) = 0.4 s, and moves with the signal. A dead band does it too. Of 42 recorded and simulated
+    logs no axis is above 0.02; at 0.25 or 0.75 the same logs are found.
     """
     if flight.imu is None:
         return

@@ -128,9 +128,11 @@ class SessionEffects:
 
     def downloaded(self, name: str) -> tuple[str, str]:
         """The text of `save` for a browser that keeps it under this name, and in words that it does."""
+        place = Path(file_name(name))
         with self.working.lock:
-            versioned, text = self._versioned(Path(file_name(name))), self.model_text(name)
-            self.working.was_saved(replace(versioned, path=Path(file_name(name)), text=text))
+            versioned = self._versioned(place)
+            text = model_file.dumps(versioned)
+            self.working.was_saved(replace(versioned, path=place, text=text))
         return text, f"{name}: downloaded"
 
     def exported(self, target: str, flight: str) -> str:

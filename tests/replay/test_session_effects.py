@@ -140,7 +140,7 @@ def test_cancelling_a_search_ends_it_at_once(session):
 
 def test_saved_model_says_what_was_done_and_is_never_overwritten_unasked(session, tmp_path):
     path = tmp_path / "fitted.toml"
-    session.effects.add(("com_offset",), "train")
+    assert session.effects.add(("com_offset",), "train").startswith("added com_offset: on held-out time better: error")
     session.effects.add(("inertia",), "train")
     session.effects.remove("inertia")
     assert not session.working.saved

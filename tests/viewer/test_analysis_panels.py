@@ -344,6 +344,9 @@ def test_without_a_folder_the_model_goes_to_the_client_that_asks(page, effects):
     assert name == "fitted.toml"
     assert [e.name for e in loads(content.decode()).effects] == ["com_offset"]
     assert effects.save.label == "Download model"
+    assert page.session.working.saved
+    effects.add("inertia")
+    assert not page.session.working.saved
 
 
 def test_the_model_is_downloaded_for_an_autopilot_or_a_simulator(page, effects):
