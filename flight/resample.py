@@ -56,12 +56,13 @@ Interval = tuple[float, float]
 class Resampling:
     """`samples` in order of time; `rate` [Hz]; `notes` say what was left out or stands in for something else.
 
-    `span` [s] is the time from the first to the last sample of the flight, `short` the stretches that were too short
-    to keep.
+    `covered` [s] is the sum of the stretches, `span` [s] the time from the first to the last sample of the flight,
+    `short` the stretches that were too short to keep.
     """
 
     samples: tuple[Samples, ...]
     rate: float
+    covered: float
     span: float
     short: tuple[Gap, ...]
     notes: tuple[str, ...]
@@ -118,7 +119,7 @@ def resample(
     every = [item.time for item in series.values()]
     span = max(time[-1] for time in every) - min(time[0] for time in every)
     gaps = tuple(Gap(*interval) for interval in short)
-    return Resampling(samples, grid_rate, float(span), gaps, tuple(notes))
+    return Resampling(samples, grid_rate, float(_length(kept)), float(span), gaps, tuple(notes))
 
 
 def _check_requirements(flight: Flight, require: tuple[str, ...]) -> None:

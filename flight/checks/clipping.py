@@ -103,22 +103,30 @@ def _most_beside(values: Array, top: float) -> int:
 
 
 def limited(flight: Flight) -> Iterator[Check]:
-    """Commands of several rotors that stop at one highest value, which is not full throttle; of single rotors and arms
-    that stop where others do not.
+    """Commands of several rotors that stop at one highest value; of single rotors and arms that stop where others do
+    not. Which speed [rad/s] is full throttle a model file says (`stopped_together`).
     """  # noqa: D205
     if flight.actuators is None:
         return
     speeds = flight.actuators.rotor_speed
+    if flight.actuators.unit != "rad/s":
+        yield from stopped_together(speeds, 1.0)
+    for kind, values in (("rotor_speed", speeds), ("tilt", flight.actuators.tilt)):
+        yield from _stopped(kind, values)
+
+
+def stopped_together(speeds: Array, full: float, rounding: float = 1e-3) -> Iterator[Check]:
+    """Commands (N, R) of several rotors that stop at one highest value, which is not full throttle, `full`, to the
+    relative `rounding` of either.
+    """  # noqa: D205
     top = float(speeds.max(initial=0.0))
-    found = [c for v in speeds.T for c in flat_tops("", v, (speeds,)) if c.value == top != 1.0]
-    if len(found) > 1:
+    found = [c for v in speeds.T for c in flat_tops("", v, (speeds,)) if c.value == top]
+    if len(found) > 1 and abs(top - full) > rounding * full:
         share = 100.0 * float(np.mean(np.any(speeds == top, axis=1)))
         words = f"the commands of {len(found)} rotors stop at {top:.4g}, one or more of them in {share:.2g} % "
         words += "of the samples: is it their limit, or that of what was logged? What the rotors "
         words += "made beyond is in no prediction"
         yield Check("clipped", "warn", words)
-    for kind, values in (("rotor_speed", speeds), ("tilt", flight.actuators.tilt)):
-        yield from _stopped(kind, values)
 
 
 def _stopped(kind: str, values: Array) -> Iterator[Check]:

@@ -29,8 +29,8 @@ class OdometryThresholds:
     """Factor beyond which lengths are in another unit or scale: an estimator's filter takes down a fifth."""
     offset: float = 0.1
     """Offset [m/s] of a velocity from which on it matters: times a usual drag of 0.3 / s half of what an accelerometer
-    may be off by. Of 43 recorded and simulated logs 42 are below 0.02, the other is 0.09 +- 0.07; at twice this 0.1 m/s
-    pass, which bend drag and wind."""
+    may be off by. Of 42 recorded and simulated logs 41 are below 0.02, the other is 0.09 +- 0.07: doubled, it would
+    find the same ones, and miss what bends drag and wind most."""
     sigmas: float = 5.0
     """Standard errors by which such an offset must be beyond zero, from the scatter of its medians over blocks."""
 

@@ -125,14 +125,14 @@ class ParquetReader(TableReader):
     def tables(self, selection: Selection) -> dict[str, Table]:
         """The table, and what its columns' names tell."""
         with needed_for(f"{self.path}: Parquet tables", LogError):
-            import pyarrow
             import pyarrow.parquet
 
         try:
             metadata = pyarrow.parquet.read_metadata(self.path)
             _count(metadata, self.account)
             texts = [leaf.path for leaf in _leaves(metadata) if leaf.physical_type == "BYTE_ARRAY"]
-            table = pyarrow.parquet.ParquetFile(self.path, read_dictionary=texts).read(use_threads=False)
+            with pyarrow.parquet.ParquetFile(self.path, read_dictionary=texts) as file:
+                table = file.read(use_threads=False)
             frame = _plain(table, self.account).replace_schema_metadata(None).to_pandas()  # it may say anything
         except (pyarrow.ArrowException, OSError, ValueError) as error:
             raise LogError(f"{self.path}: not a readable Parquet table ({one_line(error)})") from error
@@ -175,7 +175,6 @@ def _count(metadata: Any, account: Account) -> None:
 
 def _plain(table: Any, account: Account) -> Any:
     """A table whose texts are written out, if there is room: the file holds each of them once, and says where it is."""
-    import pyarrow
     import pyarrow.compute
 
     for i, one in enumerate(table.schema):

@@ -17,6 +17,7 @@ from wrenchgap.flight.flight import AXES, Array, Indices
 from wrenchgap.learn.data.blocks import SIGNIFICANCE
 from wrenchgap.learn.data.dataset import Dataset, length_scale
 from wrenchgap.learn.data.errors import means_by
+from wrenchgap.learn.data.measurement import Record
 from wrenchgap.plant.history import Value
 from wrenchgap.plant.model import Model
 from wrenchgap.plant.vehicle import GRAVITY
@@ -90,6 +91,22 @@ def unsure_thrust(model: Model, names: Sequence[str] = ()) -> float:
     """  # noqa: D205
     named = "thrust_scale" in (*names, *(e.name for e in model.effects))
     return 0.0 if named else model.vehicle.tolerances.thrust or 0.0
+
+
+def mean_force_error(records: Sequence[Record]) -> float | None:
+    """The mean measured force along the mean commanded one, both in B, over the size of that, less one; None where no
+    flight measured F_z. Below zero the rotors make less than they are asked for, or the vehicle is heavier.
+
+    Of means: changes of the force that come late, or of commands that are logged slowly, are no scale.
+    """  # noqa: D205
+    seen = [r for r in records if r.measured_axes[2]]
+    if not seen:
+        return None
+    measured, commanded = (
+        np.nan_to_num(np.concatenate([getattr(r, name)[:, :3] for r in seen]).mean(axis=0))
+        for name in ("measured", "commanded")
+    )
+    return float(measured @ commanded / (commanded @ commanded)) - 1.0
 
 
 def with_thrust_as_given(model: Model) -> Model:

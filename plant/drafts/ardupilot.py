@@ -24,16 +24,16 @@ from wrenchgap.plant.reader import text_of
 
 Parameters = Mapping[str, float]
 USUAL = {
-    "MOT_PWM_MIN": (1000.0, 0.0, 3000.0),
-    "MOT_PWM_MAX": (2000.0, 0.0, 3000.0),
-    "MOT_SPIN_MIN": (0.15, 0.0, 1.0),
-    "MOT_SPIN_MAX": (0.95, 0.0, 1.0),
-    "THR_MIN": (130.0, 0.0, 1000.0),
-    "MOT_THST_MAX": (0.95, 0.0, 1.0),
-    "MOT_THST_EXPO": (0.65, 0.0, 1.0),
-    "MOT_THST_HOVER": (0.35, -np.inf, np.inf),  # where nothing hovers it says nothing
+    "MOT_PWM_MIN": 1000.0,
+    "MOT_PWM_MAX": 2000.0,
+    "MOT_SPIN_MIN": 0.15,
+    "MOT_SPIN_MAX": 0.95,
+    "THR_MIN": 130.0,
+    "MOT_THST_MAX": 0.95,
+    "MOT_THST_EXPO": 0.65,
+    "MOT_THST_HOVER": 0.35,
 }
-"""ArduPilot's defaults, and between what they can be here."""
+"""ArduPilot's defaults."""
 
 
 Frame = tuple[tuple[float, int], ...]
@@ -152,18 +152,18 @@ def frame_notes(parameters: Parameters, text: str, typed: str | None, where: str
 def command_of(parameters: Parameters) -> CommandDraft:
     """[command] for pulse widths."""
 
-    def read(name: str) -> tuple[float, bool]:
-        return parameter(parameters, name, *USUAL[name]), name not in parameters
+    def read(name: str, low: float = 0.0, high: float = 1.0) -> tuple[float, bool]:
+        return parameter(parameters, name, USUAL[name], low, high), name not in parameters
 
     low, high, names = _pulses(parameters)
     start, end = "MOT_SPIN_MIN", "MOT_SPIN_MAX"
     if "THR_MIN" in parameters and start not in parameters:  # firmware before 3.5
         start, end = "THR_MIN", "MOT_THST_MAX"
-        idle = low + 1e-3 * read(start)[0] * (high - low)
+        idle = low + 1e-3 * read(start, high=1000.0)[0] * (high - low)
         ends = [idle, idle + read(end)[0] * (high - idle)]
     else:
         ends = [low + read(name)[0] * (high - low) for name in (start, end)]
-    (factor, curve), (hover, still) = read("MOT_THST_EXPO"), read("MOT_THST_HOVER")
+    (factor, curve), (hover, still) = read("MOT_THST_EXPO"), read("MOT_THST_HOVER", -np.inf, np.inf)
     every = (*names, start, end)
     assumed = [name for name in every if name not in parameters or (name in names and not parameters[name])]
     words = ", ".join(name for name in every if name not in assumed)
@@ -190,4 +190,4 @@ def _pulses(parameters: Parameters) -> tuple[float, float, tuple[str, str]]:
         low, high = float(parameters.get(names[0], 0.0)), float(parameters[names[1]])
         if 0.0 < low < high:
             return low, high, names
-    return USUAL[usual[0]][0], USUAL[usual[1]][0], usual
+    return USUAL[usual[0]], USUAL[usual[1]], usual

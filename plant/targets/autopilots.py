@@ -233,7 +233,7 @@ AUTOPILOTS = {
         | {"AHRS_TRIM_X": (-0.1745, 0.1745), "AHRS_TRIM_Y": (-0.1745, 0.1745)}
         | {"MOT_THST_EXPO": (-1.0, 1.0), "MOT_THST_HOVER": (0.125, 0.6875)},
         ("MOT_THST_EXPO", "MOT_THST_HOVER"),
-        USUAL["MOT_THST_EXPO"][0],
+        USUAL["MOT_THST_EXPO"],
     ),
     "crazyflie": Autopilot(
         "the Crazyflie's firmware",

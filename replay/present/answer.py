@@ -3,6 +3,7 @@
 import numpy as np
 
 from wrenchgap.learn import Explanation, Verdict
+from wrenchgap.learn.identify.bias_and_trim import mean_force_error
 from wrenchgap.learn.posterior.verdict import UNEXPLAINED
 from wrenchgap.replay.present import fitted_effects, posterior, what_to_inspect
 from wrenchgap.replay.present.notes import too_short
@@ -90,25 +91,19 @@ def evidence(found: Explanation) -> list[str]:
         said = [] if short_one else [posterior.residual_in_words(found), posterior.unproven(found)]
     else:
         said = [posterior.turbulence(found), "" if found.verdict is Verdict.NOTHING else posterior.unproven(found)]
-    return [text for text in (*said, "" if thrust_beyond(found) else granted_thrust(found)) if text]
+    return [text for text in (*said, *([] if thrust_beyond(found) else granted_thrust(found))) if text]
 
 
-def thrust_needed(found: Explanation) -> float | None:
-    """By how much the mean force is more than that of the commands, relative to it, where the model is not sure of its
-    thrust. Of the mean: changes of the force that come late, or of commands that are logged slowly, are no scale.
+def thrust_off(found: Explanation) -> float | None:
+    """By how much the mean force exceeds that of the commands, relative to it; None where the model is sure of its
+    thrust, or no flight measured it.
     """  # noqa: D205
-    records = [r for f in found.flights for r in f.records if r.measured_axes[2]]
-    if not found.fit.thrust.size or not records:
-        return None
-    measured, commanded = (
-        np.concatenate([getattr(r, name)[:, :3] for r in records]).mean(axis=0) for name in ("measured", "commanded")
-    )
-    return float(np.nan_to_num(measured) @ commanded / (commanded @ commanded)) - 1.0
+    return mean_force_error([r for f in found.flights for r in f.records]) if found.fit.thrust.size else None
 
 
 def thrust_beyond(found: Explanation) -> str:
     """That thrust, or the mass, is off by more than one standard deviation of what the model knows of its thrust."""
-    off, known = thrust_needed(found), found.model.vehicle.tolerances.thrust or 0.0
+    off, known = thrust_off(found), found.model.vehicle.tolerances.thrust or 0.0
     if off is None or abs(off) <= known:
         return ""
     return (
@@ -118,12 +113,12 @@ def thrust_beyond(found: Explanation) -> str:
     )
 
 
-def granted_thrust(found: Explanation) -> str:
-    """What a model that is not sure of its thrust was granted."""
-    off, known = thrust_needed(found), share(found.model.vehicle.tolerances.thrust or 0.0)
-    if off is None or abs(off) < 0.01:  # what is said is whole per cent
-        return ""
-    return (
+def granted_thrust(found: Explanation) -> list[str]:
+    """What a model that is not sure of its thrust was granted, from one per cent on."""
+    off, known = thrust_off(found), share(found.model.vehicle.tolerances.thrust or 0.0)
+    if off is None or abs(off) < 0.01:
+        return []
+    return [
         f"The model knows its thrust to {known}, and these flights ask for {100.0 * off:+.1f} %: no effect is "
         "named for that; `add thrust_scale` takes it into the model."
-    )
+    ]

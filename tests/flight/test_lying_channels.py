@@ -7,6 +7,7 @@ import pytest
 
 from wrenchgap.flight.checks import with_checks
 from wrenchgap.flight.checks.channels import held_for, held_voltage
+from wrenchgap.flight.checks.clipping import stopped_together
 from wrenchgap.flight.checks.command_rate import command_spacing
 from wrenchgap.flight.flight import ActuatorSeries, BatterySeries, Flight, ImuSeries
 
@@ -130,9 +131,16 @@ def test_a_voltmeter_that_stops_in_flight_is_said_and_one_that_rests_before_or_a
 
 
 def test_rotors_that_stop_at_one_value_are_said_and_full_throttle_is_not():
-    found = said(flown(speeds=lambda v: np.minimum(v, 630.0)))["clipped"]
+    stopping = flown(speeds=lambda v: np.minimum(v, 630.0))
+    assert "clipped" not in said(stopping)  # in rad/s: a model file says what full throttle is
+    speeds = stopping.actuators.rotor_speed
+    (found,) = stopped_together(speeds, 950.0)
     assert found.words.startswith("the commands of 4 rotors stop at 630, one or more of them in ")
-    assert "clipped" not in said(flown(speeds=lambda v: np.minimum(v / 630.0, 1.0)))
+    assert not [*stopped_together(speeds, 630.2)]
+    for full, level in ((1.0, None), (0.8, "warn")):
+        shares = flown(speeds=lambda v, k=full: k * np.minimum(v / 630.0, 1.0))
+        found = said(replace(shares, actuators=replace(shares.actuators, unit="normalised"))).get("clipped")
+        assert (found and found.level) == level
     one = said(flown(speeds=lambda v: np.stack((np.minimum(v[:, 0], 630.0), *v.T[1:]), axis=1)))
     assert "rotor_speed 0 stops at 630 in " in one["clipped"].words
     assert one["clipped"].level == "bad"

@@ -113,6 +113,7 @@ def test_no_stretch_reaches_over_a_gap_of_any_used_role():
         assert not (start < 4.5 < stop)
         assert not (start < 7.25 < stop)
         np.testing.assert_allclose(np.diff(result.samples[0].time), result.samples[0].dt, rtol=1e-9)
+    assert result.covered == pytest.approx(sum(stop - start for start, stop in limits), abs=0.05)
     assert result.span == pytest.approx(10.0)
 
 
@@ -131,6 +132,7 @@ def test_overlap_of_all_used_roles_but_those_hardly_there(logs):
     assert samples.time[[0, -1]] == pytest.approx([2.0, 8.0])
     result = resample(a_flight(odometry=odometry(logs, grid(50, 2.0))))
     assert result.samples[0].quat_EB is None
+    assert result.covered > 9.9
     assert any("odometry covers less than half" in note for note in result.notes)
 
 

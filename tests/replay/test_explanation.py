@@ -35,7 +35,7 @@ from wrenchgap.replay.present.answer import (
     short,
     summary,
     thrust_beyond,
-    thrust_needed,
+    thrust_off,
 )
 from wrenchgap.replay.present.documents import VERSIONS, plain
 from wrenchgap.replay.present.explanation import brief, members, to_json, what_next
@@ -679,7 +679,7 @@ def test_thrust_beyond_what_the_model_knows_stands_in_the_answer(logs):
     (flight,) = wg.open_flights(logs.ideal, known)
     less = replace(flight, records=tuple(replace(r, measured=0.94 * r.measured) for r in flight.records))
     found = wg.explain(less, known, names=("com_offset",), injections=0, jobs=1)
-    assert thrust_needed(found) == pytest.approx(-0.06, abs=0.003)
+    assert thrust_off(found) == pytest.approx(-0.06, abs=0.003)
     said = thrust_beyond(found)
     assert re.match(r"All thrust is (5\.\d|6\.\d|6) % less than the model has it, or the vehicle 6\.\d % heavier", said)
     assert said in answer(found)

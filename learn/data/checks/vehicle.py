@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrenchgap.flight.check import Check, Level
+from wrenchgap.flight.checks.clipping import stopped_together
 from wrenchgap.flight.checks.masking import MASKING, without
 from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.flight.row_kernels import lengths
@@ -181,7 +182,12 @@ def record_checks(
     if not records:
         return ()
     known = any(check.level == "bad" and check.name in EXPLAINED for check in said)
-    return (*_counts(flight, model), *_weight(records, model), *_actuation(flight, records, model, known=known))
+    return (
+        *_counts(flight, model),
+        *_limits(flight, model),
+        *_weight(records, model),
+        *_actuation(flight, records, model, known=known),
+    )
 
 
 def _counts(flight: Flight, model: Model) -> list[Check]:
@@ -196,6 +202,15 @@ def _counts(flight: Flight, model: Model) -> list[Check]:
     if not rotors:
         return [Check("actuators", "warn", f"{logged}, but the model file has no arms: they are not used.")]
     return [Check("actuators", "ok", f"{described}; {logged}.")]
+
+
+def _limits(flight: Flight, model: Model) -> list[Check]:
+    """Logged speeds [rad/s] of several rotors that stop at one value, which is not the model's limit."""
+    sent = flight.actuators
+    if sent is None or sent.unit != "rad/s" or not model.vehicle.has_rotors:
+        return []
+    _, rotors = model.vehicle.geometry()
+    return [*stopped_together(sent.rotor_speed, float(rotors.speed_max.max()))]
 
 
 OTHER_WEIGHT = "another vehicle, unit or mass? correct vehicle.mass."
