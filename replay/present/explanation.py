@@ -197,11 +197,7 @@ def to_json(found: Explanation) -> dict[str, Any]:
         "flights": [f.records[0].flight for f in found.flights],
         "timing": [timing.to_json(one) for one in found.timing],
         "cutoff_hz": found.flights[0].records[0].cutoff_hz if found.flights else None,
-        "notes": [
-            *apart(found.apart),
-            *granted_thrust(found),
-            *of_flights(found.flights),
-        ],
+        "notes": [*apart(found.apart), *granted_thrust(found), *of_flights(found.flights)],
     }
 
 

@@ -182,12 +182,7 @@ def record_checks(
     if not records:
         return ()
     known = any(check.level == "bad" and check.name in EXPLAINED for check in said)
-    return (
-        *_counts(flight, model),
-        *_limits(flight, model),
-        *_weight(records, model),
-        *_actuation(flight, records, model, known=known),
-    )
+    return (*_counts(flight, model), *_weight(records, model), *_actuation(flight, records, model, known=known))
 
 
 def _counts(flight: Flight, model: Model) -> list[Check]:
@@ -202,15 +197,6 @@ def _counts(flight: Flight, model: Model) -> list[Check]:
     if not rotors:
         return [Check("actuators", "warn", f"{logged}, but the model file has no arms: they are not used.")]
     return [Check("actuators", "ok", f"{described}; {logged}.")]
-
-
-def _limits(flight: Flight, model: Model) -> list[Check]:
-    """Logged speeds [rad/s] of several rotors that stop at one value, which is not the model's limit."""
-    sent = flight.actuators
-    if sent is None or sent.unit != "rad/s" or not model.vehicle.has_rotors:
-        return []
-    _, rotors = model.vehicle.geometry()
-    return [*stopped_together(sent.rotor_speed, float(rotors.speed_max.max()))]
 
 
 OTHER_WEIGHT = "another vehicle, unit or mass? correct vehicle.mass."
@@ -324,13 +310,17 @@ def _lost(speed: Array) -> NDArray[np.bool_]:
 
 
 def without_impossible_commands(flight: Flight, model: Model) -> tuple[Flight, tuple[Check, ...]]:
-    """The flight without single commands that its vehicle cannot follow; what is beyond all the time is a unit."""
+    """The flight without single commands that its vehicle cannot follow; what is beyond all the time is a unit, and where
+    several stop below what it can, the log may have stopped.
+    """  # noqa: D205
     vehicle = model.vehicle
     if not vehicle.has_rotors:
         return flight, ()
     _, rotors = vehicle.geometry()
     found: list[Check] = []
     sent = flight.actuators
+    if sent is not None and sent.unit == "rad/s":
+        found += stopped_together(sent.rotor_speed, float(rotors.speed_max.max()))
     if sent is not None and sent.rotor_speed.shape[1] == len(rotors):
         speed = np.abs(sent.rotor_speed)
         beyond = np.any(speed > RECORDS.speed_margin * rotors.speed_max, axis=1)
