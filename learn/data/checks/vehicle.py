@@ -310,9 +310,10 @@ def _lost(speed: Array) -> NDArray[np.bool_]:
 
 
 def without_impossible_commands(flight: Flight, model: Model) -> tuple[Flight, tuple[Check, ...]]:
-    """The flight without single commands that its vehicle cannot follow; what is beyond all the time is a unit, and where
-    several stop below what it can, the log may have stopped.
-    """  # noqa: D205
+    """The flight without single commands that its vehicle cannot follow; what is beyond all the time is a unit.
+
+    And whether several commands stop at one value below what it can.
+    """
     vehicle = model.vehicle
     if not vehicle.has_rotors:
         return flight, ()
