@@ -27,7 +27,7 @@ from wrenchgap.flight.compared_signals import sensor_offsets, shifted
 from wrenchgap.flight.flight import Flight
 from wrenchgap.flight.offsets import Offset
 from wrenchgap.learn.data.opening import open_flight
-from wrenchgap.learn.diagnose.response import responses
+from wrenchgap.learn.data.response import responses
 
 MANNERS = (Manner(), Manner(excitation=0.3), Manner(excitation=0.3, reach=0.4), Manner(noise=4.0))
 TRAJECTORIES = (("pitch", 0.0), ("multi_axis", 0.0), ("figure8", 0.0), ("hover", 0.0), ("hover", 1.0), ("hover", 0.3))

@@ -36,6 +36,7 @@ NAMES: dict[str, str] = {
     "clock": "stamps against the times of recording",
     "clock-unit": "the unit of the stamps",
     "clock-jump": "stamps that jump in mid-flight",
+    "early-response": "whether the motion comes before its commands",
     "rate": "whether IMU and commands are fast enough for the filter, and the IMU as fast as its stamps",
     "wrench-frame": "the axes of the commanded wrench against the motion",
     "force-unit": "the unit of the commanded force",

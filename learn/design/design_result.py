@@ -74,8 +74,15 @@ class Design(Result):
     @cached_property
     def separable(self) -> bool:
         """Whether every direction that counts is told apart, as expected and on the plant."""
-        confirmed = all(self.simulated(d.truth, d.imitator) >= SIGNIFICANCE.indistinct for d in self.expected.counting)
-        return self.expected.separable and confirmed
+        return not self.alike
+
+    @cached_property
+    def alike(self) -> tuple[tuple[str, str], ...]:
+        """Pairs of effects that the flight does not tell apart, as expected or on the plant."""
+        least = SIGNIFICANCE.indistinct
+        told = [d.told and self.simulated(d.truth, d.imitator) >= least for d in self.expected.counting]
+        pairs = [tuple(sorted((d.truth, d.imitator), key=self.expected.names.index)) for d in self.expected.counting]
+        return tuple(dict.fromkeys((one, other) for (one, other), apart in zip(pairs, told, strict=True) if not apart))
 
 
 def rounded(move: Move) -> Move:

@@ -125,6 +125,7 @@ class _Search:
     ) -> None:
         self.model, self.records, self.duration, self.also = model, records, duration, also
         self.seed, self.report = seed, report
+        self.rng = np.random.default_rng(seed)
         self.base = model.without([n for n in names if model.effect(n) is not None])
         self.limits = limits or usual(model.vehicle)
         self.room = space(model.vehicle, self.limits)
@@ -300,9 +301,17 @@ class _Search:
         rng = np.random.default_rng(self.seed)
         return simulate(hidden, self.base, trajectory, rng=rng, physics_rate=physics_rate(self.base))
 
+    def _as_on_the_logs(self, record: Record) -> Record:
+        """With as much left on each axis as the best of the explanations leaves on the given logs, as white noise."""
+        if self.floor is None:
+            return record
+        missing = np.sqrt(np.maximum(self.floor**2 - record.noise**2, 0.0))
+        return replace(record, measured=record.measured + missing * self.rng.normal(size=record.measured.shape))
+
     def _measure(self, flight: Flight, trajectory: Moves, truth: ModelEffect) -> Flown:
         seen = [replace(s, unmeasured=self.model.unmeasured) for s in uniform(flight)]
-        data = dataset([prepare(s, self.model.vehicle, imu=flight.imu) for s in seen], self.base)
+        records = [self._as_on_the_logs(prepare(s, self.model.vehicle, imu=flight.imu)) for s in seen]
+        data = dataset(records, self.base)
         others = [e.name for e in self.effects if e.name != truth.name]
         found = {n: measured_separation(data, self.base, truth.name, n, self.also) for n in others}
         assert flight.odometry is not None

@@ -16,7 +16,7 @@ from wrenchgap.flight.flight import AXES, Flight, OdometrySeries
 from wrenchgap.flight.offsets import EVERYWHERE, Intervals, Offset, Problem
 from wrenchgap.learn.data.dataset import Dataset, dataset
 from wrenchgap.learn.data.opening import OpenFlight
-from wrenchgap.learn.diagnose.response import Response, responses
+from wrenchgap.learn.data.response import Response, responses
 from wrenchgap.plant.model import Model
 
 

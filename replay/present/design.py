@@ -1,5 +1,6 @@
 """A designed flight: the result in words, tables, JSON, and the files that are written."""
 
+import math
 import shlex
 from collections.abc import Sequence
 from dataclasses import replace
@@ -21,7 +22,7 @@ from wrenchgap.plant.trajectory.file import TrajectoryFile
 from wrenchgap.replay.present.addition import effects_json
 from wrenchgap.replay.present.figures import style
 from wrenchgap.replay.present.notes import of_flights
-from wrenchgap.replay.present.numbers import capitalised, entries, separation
+from wrenchgap.replay.present.numbers import capitalised, entries, listed, separation
 from wrenchgap.replay.present.tables import Line, Part, note_lines, parameters, table
 
 ADVICE: tuple[tuple[tuple[str, ...], str], ...] = (
@@ -114,7 +115,10 @@ def sentence(design: Design) -> str:
             f"The best flight found should separate {names} (expected separation {design.expected.separation:.1f}), "
             f"but fits to the simulated flights do not confirm it ({least}); do not rely on it."
         )
-    said = f"No reference trajectory within these limits separates {names}: {_reason(hard)}."
+    pairs = [f"{one} from {other}" for one, other in design.alike]
+    said = f"No reference trajectory within these limits separates {listed(pairs, 4, last=', or ')}: {_reason(hard)}."
+    if len(pairs) < math.comb(len(design.expected.names), 2):
+        said += " The other pairs are separated by the best flight found (`--anyway` writes it)."
     if hard.separation >= SIGNIFICANCE.indistinct:  # by its share, not by the noise
         return said
     return f"{said} Expected separation of the best flight found: {hard.separation:.1f} ({least})."

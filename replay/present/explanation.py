@@ -29,6 +29,7 @@ from wrenchgap.replay.present.numbers import (
     by_axis,
     certainty,
     entries,
+    listed,
     number,
     parameter_rows,
     parameters_in_words,
@@ -75,7 +76,10 @@ def what_next(
         return [Line("next: give a longer flight")]
     if posterior.is_nothing_missing(found):
         return []
-    designs = [f"to separate {' from '.join(g)}: {design_command(g, model, paths, to_design)}" for g in found.separable]
+    designs = [
+        f"a flight that separates {listed(g, len(g))}, if there is one: {design_command(g, model, paths, to_design)}"
+        for g in found.separable
+    ]
     model, logs = shlex.quote(model), shlex.join(paths) + options
     firm = [name for name in found.effects if name in found.firm]
     sure, out = bool(firm) and not unknown, []

@@ -9,7 +9,7 @@ from wrenchgap import flight
 from wrenchgap.flight.flight import GRAVITY, Flight, ImuSeries, WrenchSeries
 from wrenchgap.flight.offsets import Offset, Problem
 from wrenchgap.learn.data.measurement import prepare
-from wrenchgap.learn.diagnose.response import Response, responses
+from wrenchgap.learn.data.response import Response, responses
 from wrenchgap.learn.diagnose.timing import FlightTiming, answering_axes, following_axes
 from wrenchgap.plant import model_file
 

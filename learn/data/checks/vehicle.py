@@ -22,6 +22,7 @@ from wrenchgap.flight.checks.masking import MASKING, without
 from wrenchgap.flight.flight import Array, Flight
 from wrenchgap.flight.row_kernels import lengths
 from wrenchgap.flight.stamps import thinned
+from wrenchgap.learn.data.checks.early_response import early_response
 from wrenchgap.learn.data.errors import force_and_torque, length, rms
 from wrenchgap.learn.data.measurement import Record
 from wrenchgap.learn.data.prediction import predict
@@ -182,7 +183,8 @@ def record_checks(
     if not records:
         return ()
     known = any(check.level == "bad" and check.name in EXPLAINED for check in said)
-    return (*_counts(flight, model), *_weight(records, model), *_actuation(flight, records, model, known=known))
+    own = (*_counts(flight, model), *_weight(records, model), *_actuation(flight, records, model, known=known))
+    return (*own, *early_response(flight, model, records))
 
 
 def _counts(flight: Flight, model: Model) -> list[Check]:

@@ -16,7 +16,8 @@ In a closed loop the command also answers to the motion, and response over comma
 Feedback-dominated flights; Ljung, "System Identification", 2nd ed., 13.4). It gives itself away by its gain: what a
 command achieves is about what it asked for, less what a lag takes off. Where phases or gains fit neither a delay nor a
 lag, no number is given, nor where the gains fit only at the frequencies at which commands and motion are loudest. A
-response before its command is none.
+response before its command is none. Where its phases are those of a pure delay of the wrong sign and its gains are
+those of a motion that follows, at every frequency, it is no answer of a controller either: the stamps are apart.
 
 Nothing is removed here. What a user reads is what `explain` will be offered.
 """
@@ -69,7 +70,8 @@ class Response:
     [s], or like either (None where there is no number). `leaves` is the rms that a model without it is
     left with, delay times rms rate of change of the filtered command, to be held against the rms `residual` of
     measured less commanded and the sensor `noise` (N or Nm). `plain` says that the gains fit at every frequency, not
-    only where commands and motion are loudest: that the motion follows the command.
+    only where commands and motion are loudest: that the motion follows the command. `early` [s] is by how much it comes
+    before the command, where it follows in everything else.
     """
 
     axis: str
@@ -80,6 +82,7 @@ class Response:
     residual: float | None = None
     noise: float | None = None
     plain: bool = False
+    early: float | None = None
 
     @property
     def matters(self) -> bool:
@@ -109,7 +112,9 @@ def _response(axis: int, commanded: Signal, measured: Signal, flown: Intervals, 
     acausal = found.certain and found.seconds < 0.0
     if shape is None or acausal or not plain:
         problem = Problem.FEEDBACK if shape is None or acausal else Problem.UNCLEAR
-        return Response(name, replace(found, seconds=None, std=None, interval=None, problem=problem))
+        early = -found.seconds if acausal and plain and shape in ("delay", "either") else None
+        none = replace(found, seconds=None, std=None, interval=None, problem=problem)
+        return Response(name, none, early=early)
 
     def rms(square: Callable[[Record], np.floating[Any]]) -> float:
         """Of all samples, from the mean square of each record."""

@@ -1,0 +1,27 @@
+"""Whether the motion comes before its commands: then the stamps of commands and IMU are apart."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from wrenchgap.flight.check import Check
+from wrenchgap.flight.flight import Flight
+from wrenchgap.learn.data.measurement import Record
+from wrenchgap.learn.data.response import responses
+from wrenchgap.plant.model import Model
+
+
+def early_response(flight: Flight, model: Model, records: Sequence[Record], fewest: int = 2) -> Iterator[Check]:
+    """On `fewest` axes or more, and on none the other way round: one clock moves all axes, a disturbance that commands
+    answer does not. A lead is what a moment of inertia of the rotors makes of commands that change, and other effects
+    of rates. None of 81 recorded flights has such an axis.
+    """  # noqa: D205
+    found = responses(flight, model.vehicle, records)
+    early = [(r.axis, r.early) for r in found if r.early is not None]
+    if len(early) < fewest or any(r.plain and r.offset.certain for r in found):
+        return
+    axes = ", ".join(axis for axis, _ in early)
+    words = f"On {axes} the vehicle follows its commands {1e3 * np.median([s for _, s in early]):.0f} ms before they "
+    words += "are given: the stamps of the commands are late, or those of the IMU early, by that and by what the "
+    words += "actuators take besides. Correct them where they are made, or shift one (--shift)"
+    yield Check("early-response", "bad", words)

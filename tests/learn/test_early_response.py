@@ -1,0 +1,51 @@
+"""The motion cannot come before its commands: closed forms of open-loop logs, and a closed loop in gusts."""
+
+from dataclasses import replace
+
+import pytest
+
+from tests.learn.test_response_timing import found_in, log
+from wrenchgap import flight
+from wrenchgap.learn.data.checks.early_response import early_response
+from wrenchgap.learn.data.measurement import prepare
+from wrenchgap.plant import model_file
+
+MODEL = model_file.load("crazyflie")
+
+
+def both(**how):
+    """The torque about x about y as well."""
+    made = log(**how)
+    wrench, gyro = made.commanded.wrench_B.copy(), made.imu.omega_B.copy()
+    inertia = MODEL.vehicle.body.inertia
+    wrench[:, 4], gyro[:, 1] = wrench[:, 3], gyro[:, 0] * inertia[0, 0] / inertia[1, 1]
+    return replace(made, commanded=replace(made.commanded, wrench_B=wrench), imu=replace(made.imu, omega_B=gyro))
+
+
+def checks(made):
+    return list(early_response(made, MODEL, [prepare(s, MODEL.vehicle) for s in flight.uniform(made)]))
+
+
+def test_a_motion_that_comes_before_its_commands_is_said_with_the_time():
+    (check,) = checks(both(delay=-0.03))
+    assert check.level == "bad"
+    assert "torque_x, torque_y" in check.words
+    assert "30 ms before" in check.words
+
+
+@pytest.mark.parametrize("how", [{}, {"delay": 0.03}, {"tau": 0.05}, {"tau": 0.05, "delay": -0.01}])
+def test_delays_lags_and_none_of_them_are_no_early_response(how):
+    assert not checks(both(**how))
+
+
+def test_one_axis_is_not_enough():
+    assert found_in(log(delay=-0.03))["torque_x"].early == pytest.approx(0.03, abs=2e-3)
+    assert not checks(log(delay=-0.03))
+
+
+def test_a_command_that_balances_a_disturbance_is_none():
+    """What it makes is the opposite of what is seen: response over command is -1 over the controller."""
+    made = both(delay=-0.03)
+    wrench = made.commanded.wrench_B.copy()
+    wrench[:, 3:] *= -0.5
+    assert not checks(replace(made, commanded=replace(made.commanded, wrench_B=wrench)))
