@@ -138,9 +138,13 @@ class Walk:
         return raw.view(f"S{width}")[:, 0] if width else np.zeros(len(self.rows), dtype="S1")
 
     def take(self, size: int) -> NDArray[np.uint8]:
-        """The next `size` bytes of each message."""
+        """The next `size` bytes of each message.
+
+        Where they are goes to compiled copies (`layout`, `fixed`), which look no further: an array of a definition may
+        have a negative length.
+        """
         stop = self.position + size
-        if stop > self.rows.shape[1]:
+        if not self.position <= stop <= self.rows.shape[1]:
             raise UndecodableError("shorter than its definition")
         raw = np.ascontiguousarray(self.rows[:, self.position : stop])
         self.position = stop

@@ -19,7 +19,7 @@ from wrenchgap.flight.clocks import ClockMap
 from wrenchgap.flight.errors import LogError
 from wrenchgap.flight.formats import mcap, read_log, reader, rosbag2
 from wrenchgap.flight.formats.decode import Decoder, UndecodableError, definitions_of, flat_fields
-from wrenchgap.flight.formats.reader import Channel
+from wrenchgap.flight.formats.reader import Channel, Places
 from wrenchgap.flight.formats.tabular import CsvReader
 
 END = (15, bytes(4))
@@ -270,6 +270,20 @@ def test_more_messages_than_bytes_are_not_counted_up_to():
     decoder = Decoder(channel, definitions_of(channel))
     decoder.add([b"\xff\xff\xff\xff" + bytes(20)])
     assert decoder.malformed == 1
+
+
+def test_an_array_of_negative_length_does_not_lead_before_the_message():
+    """Compiled copies would read what else the process has there: one message, and many at once."""
+    channel = Channel("/x", "lab_msgs/msg/Thing", "cdr", "uint8[-65300] back\nuint8[60000] leak\n")
+    decoder = Decoder(channel, definitions_of(channel))
+    decoder.add([b"\0\1\0\0" + bytes(66000)] * 20)
+    assert decoder.malformed == 20
+    assert not decoder.parts
+    data = (b"\0\1\0\0" + bytes(66000)) * 20
+    places = Places(data, np.arange(20) * 66004, np.full(20, 66004))
+    packed = Decoder(channel, definitions_of(channel))
+    packed.add(places)
+    assert packed.malformed == 20
 
 
 @pytest.mark.parametrize("text", ["(" * 3000, "float64[2000000000", "float64 9x", "\xff\xfe"])
