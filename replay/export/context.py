@@ -237,6 +237,8 @@ class SelfTest:
     """Of the battery [V]."""
     hidden: float = 0.5
     """Share of its bounds that an observer has to find."""
+    turn: float = 300.0
+    """Angular acceleration beyond which no torque is hidden [rad/s^2]: ten times that of a lively flight."""
 
 
 SELF_TEST = SelfTest()
@@ -301,11 +303,13 @@ def _observed(helper: Combined, desired: Array, states: State) -> tuple[Array, A
     """Rates (N, 3), results (N, 13), evaluations and whether solved, step by step with an observer.
 
     The rates are those of a body that makes what the feed-forward is asked for, late by the delay, and feels a torque
-    nobody knows of, so that the estimate has something to find: `SELF_TEST.hidden` of its bounds.
+    nobody knows of, so that the estimate has something to find: `SELF_TEST.hidden` of its bounds, where these are not
+    so wide for the body that its rates have no end.
     """
     J, omega, asked = helper.inertia, states.omega_B[0], []
     rates, wanted, evaluations, accepted = [], [], [], []
     late = math.ceil(helper.delay / helper.dt)
+    found = SELF_TEST.hidden * np.minimum(helper.torque_max, SELF_TEST.turn * np.diag(J))
     for k, wrench in enumerate(desired):
         now = replace(states.take(slice(k, k + 1)), omega_B=omega[None])
         made = helper.step(wrench, now)
@@ -318,7 +322,7 @@ def _observed(helper: Combined, desired: Array, states: State) -> tuple[Array, A
         evaluations.append(made.iterations)
         accepted.append(made.accepted)
         asked.append(wrench[3:] - helper.estimate)
-        hidden = SELF_TEST.hidden * helper.torque_max * np.sin(np.array([3.0, 5.0, 7.0]) * k * helper.dt)
+        hidden = found * np.sin(np.array([3.0, 5.0, 7.0]) * k * helper.dt)
         torque = asked[max(len(asked) - 1 - late, 0)] + hidden - np.cross(omega, J @ omega)
         omega = omega + helper.dt * np.linalg.solve(J, torque)
     return np.array(rates), np.array(wanted), np.array(evaluations, dtype=float), np.array(accepted)

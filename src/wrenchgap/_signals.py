@@ -1,8 +1,10 @@
 """Ctrl-C, SIGTERM and SIGHUP while a command runs: it cleans up and ends with 130, 143 or 129, without a traceback.
 
-The first of them is raised in the main thread, as Python does with Ctrl-C. Where it does not get through (a destructor
-or a library swallowed it, a thread is waited for), the command ends `GRACE` seconds later all the same, and at once at
-the second signal. Worker processes end with this one, however it ends (`learn.worker`).
+The first of them is raised in the main thread, as Python does with Ctrl-C, but a moment later where LLVM is at work:
+ctypes drops what is raised in a function that LLVM calls, and numba goes on with an address of zero for compiled code
+that it was just handed. Where it does not get through (a destructor or a library swallowed it, a thread is waited for),
+the command ends `GRACE` seconds later all the same, and at once at the second signal. Worker processes end with this
+one, however it ends (`learn.worker`).
 
 Python handles a signal between two of its instructions, hence not while one long call into C holds its lock (MuJoCo
 compiles a large mesh). A process that waits beside this one therefore ends it from outside, by SIGKILL, where it is
@@ -26,6 +28,8 @@ GRACE = 5.0
 """Seconds for cleaning up."""
 OUTSIDE = 6.0
 """Seconds, `GRACE` and one more, after which no thread of this process has run to end it."""
+
+_ending: list[int] = []
 
 
 class Interrupted(KeyboardInterrupt):
@@ -63,8 +67,19 @@ def _first(number: int, frame: FrameType | None) -> None:
     for one in SIGNALS:
         if signal.getsignal(one) is _first:
             signal.signal(one, _second)
-    _thread.start_new_thread(_end, (number, GRACE))  # takes no lock that the interrupted code may hold
-    raise Interrupted(number)
+    if not _ending:
+        _ending.append(number)
+        _thread.start_new_thread(_end, (number, GRACE))  # takes no lock that the interrupted code may hold
+    if _within_llvm(frame):
+        _once_more(number)
+    else:
+        raise Interrupted(number)
+
+
+def _within_llvm(frame: FrameType | None) -> bool:
+    while frame is not None and not str(frame.f_globals.get("__name__")).startswith("llvmlite."):
+        frame = frame.f_back
+    return frame is not None
 
 
 def _second(number: int, frame: FrameType | None) -> None:
@@ -114,11 +129,15 @@ def _unraisable(what: Any) -> None:
     """Of an interrupt that came in a destructor or a callback, where Python drops it: once more, a moment later."""
     if not isinstance(what.exc_value, Interrupted):
         sys.__unraisablehook__(what)
-        return
+    else:
+        _once_more(what.exc_value.code - 128)
+
+
+def _once_more(number: int) -> None:
     for one in SIGNALS:
         if signal.getsignal(one) is _second:
             signal.signal(one, _first)
-    _thread.start_new_thread(_again, (what.exc_value.code - 128,))
+    _thread.start_new_thread(_again, (number,))
 
 
 def _again(number: int) -> None:
