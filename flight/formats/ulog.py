@@ -5,7 +5,9 @@ plays a role is made of them by `flight.formats.px4`.
 """
 
 import re
-from collections.abc import Mapping
+import struct
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -101,8 +103,16 @@ def _counted(kind: Any, account: Account) -> Any:
             account.check_time()
             super()._parse_format(message_formats)
 
+    class Data(kind._MessageData):  # type: ignore[misc]
+        def initialize(self, *of_message: Any) -> bool:
+            with too_short():
+                return bool(super().initialize(*of_message))
+
     class Log(kind):  # type: ignore[misc]
-        _MessageHeader, _MessageAddLogged = Header, Subscription
+        _MessageHeader, _MessageAddLogged, _MessageData = Header, _whole(Subscription), Data
+        _MessageInfo, _MessageParameterDefault = _whole(kind._MessageInfo), _whole(kind._MessageParameterDefault)
+        MessageLogging, MessageLoggingTagged = _whole(kind.MessageLogging), _whole(kind.MessageLoggingTagged)
+        MessageDropout = _whole(kind.MessageDropout)
 
         def _check_packet_corruption(self, header: Any) -> bool:
             """What reaches beyond the end is the last message: pyulog would go back from there for ever."""
@@ -110,6 +120,24 @@ def _counted(kind: Any, account: Account) -> Any:
             return bool(super()._check_packet_corruption(header)) and not ended
 
     return Log
+
+
+@contextmanager
+def too_short() -> Iterator[None]:
+    """Of one message: pyulog takes `struct.error` for the end of the file, and ValueError for damage to go on after."""
+    try:
+        yield
+    except struct.error as error:
+        raise ValueError(str(error)) from error
+
+
+def _whole(kind: Any) -> Any:
+    class Whole(kind):  # type: ignore[misc]
+        def __init__(self, *of_message: Any, **how: Any) -> None:
+            with too_short():
+                super().__init__(*of_message, **how)
+
+    return Whole
 
 
 def _fields(name: str, formats: Mapping[str, Any], known: dict[str, tuple[int, int]]) -> tuple[int, int]:

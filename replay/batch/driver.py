@@ -16,6 +16,7 @@ from itertools import islice
 from multiprocessing import resource_tracker
 from threading import Thread
 from typing import Any
+from uuid import uuid4
 
 from wrenchgap.flight import UsageError, work_files
 from wrenchgap.flight.extras import needed_for
@@ -29,8 +30,9 @@ from wrenchgap.replay.batch.tasks import Plan, Task, failed, reason, work
 Tell = Callable[[int, int, int, str], None]
 """Called with logs done, all logs, logs failed, and the file that is done."""
 
-UNWATCHED = {"distributed.worker.profile.enabled": False}
-"""Workers of this machine do not sample their own stacks: Dask keeps the trees of an hour, 0.1 to 0.5 MB a log."""
+OWN = {"distributed.worker.profile.enabled": False, "distributed.scheduler.worker-saturation": 1.0}
+"""Workers of this machine do not sample their own stacks: Dask keeps the trees of an hour, 0.1 to 0.5 MB a log. None
+has a log that waits beside that which it works on, or the one would be blamed where the other ends the worker."""
 LOOPBACK = "127.0.0.1"
 PATIENCE = 15.0
 """How long a scheduler is waited for [s]; twice as long for what it says first."""
@@ -131,7 +133,7 @@ def _local_cluster(workers: int, memory: str) -> Iterator[Any]:
     size["silence_logs"] = logging.CRITICAL
     with (
         tempfile.TemporaryDirectory(dir=work_files.folder(), ignore_cleanup_errors=True) as folder,
-        dask.config.set(UNWATCHED | {"temporary-directory": folder}),
+        dask.config.set(OWN | {"temporary-directory": folder}),
     ):
         with ctrl_c_stays_here():
             cluster = distributed.LocalCluster(**size, **local)
@@ -283,12 +285,16 @@ def _tasks(found: Any, sources: Sequence[Source], plan: Plan) -> tuple[list[Task
     return list(tasks.values()), same
 
 
+def _itself(plan: Plan) -> Plan:
+    return plan
+
+
 def _worked(found: Any, todo: Sequence[Task], plan: Plan, store: Store) -> Iterator[Mapping[str, Any]]:
     """Rows as logs are done; three are handed over for each thread of a worker, so that none waits for the next."""
     distributed = dask_distributed()
     waiting = iter(todo)
     by_key = {task.key: task for task in todo}
-    [shared] = found.scatter([plan], broadcast=True)
+    shared = found.submit(_itself, plan, key=f"plan-{plan.number}-{uuid4().hex}")  # made again where a worker dies
 
     def hand_over(count: int) -> list[Any]:
         return [
@@ -304,7 +310,7 @@ def _worked(found: Any, todo: Sequence[Task], plan: Plan, store: Store) -> Itera
         if error is None:
             yield future.result()
         elif isinstance(error, distributed.scheduler.KilledWorker):
-            why = "every worker that had it died; out of memory? Give the workers more"
+            why = "every worker that had it died: of too little memory (--memory gives more), or of a crash"
             yield failed(task, plan, store.url, why)
         else:  # of the row that could not be written, say
             raise UsageError(f"{task.source.url}: {reason(error)}") from None

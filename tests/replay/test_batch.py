@@ -357,6 +357,25 @@ def test_a_worker_that_is_killed_loses_no_log(logs, tmp_path):
     assert told[0] == told[1]
 
 
+@pytest.mark.slow
+def test_a_log_that_ends_its_worker_is_a_failed_row_and_costs_no_other(monkeypatch):
+    """One worker: all that it holds, the plan too, is gone with it; four times, until Dask gives the log up."""
+
+    def reading(task, plan, output):
+        if task.source.url == "bad":
+            os.kill(os.getpid(), signal.SIGKILL)
+        return {"log": task.source.url, "status": "ok"}
+
+    monkeypatch.setattr(driver, "work", reading)
+    monkeypatch.setattr(driver, "failed", lambda task, plan, output, why: {"log": task.source.url, "status": why})
+    names = ["a", "b", "bad", "c", "d"]
+    todo = [Task(SimpleNamespace(url=name), name, name) for name in names]
+    with driver.client(workers=1) as client:
+        rows = {r["log"]: r["status"] for r in driver._worked(client, todo, Plan("compare", {}), Store("unused"))}
+    assert "died" in rows.pop("bad")
+    assert rows == dict.fromkeys("abcd", "ok")
+
+
 def test_a_worker_has_the_bench_table_and_keeps_the_model_where_it_is_removed(tmp_path, monkeypatch):
     """It does not see the folder of the model file; its own goes with it, or after kill -9 with another process."""
     (tmp_path / "bench.csv").write_text("command,thrust\n0,0\n0.5,0.04\n1,0.15\n")

@@ -263,6 +263,19 @@ def test_a_damaged_message_that_reaches_beyond_the_end_is_the_last(tmp_path):
     assert "damaged" in opened(path)[1]
 
 
+@pytest.mark.parametrize("kind", "DLPAOICM")
+def test_an_empty_record_in_the_middle_costs_itself_alone(log, tmp_path, kind):
+    """Its length is known. Pyulog would take it for the end of the file, without a word."""
+    path = log.save(tmp_path / "log.ulg")
+    whole, place = path.read_bytes(), 16
+    while place < len(whole) // 3:
+        place += 3 + int.from_bytes(whole[place : place + 2], "little")
+    path.write_bytes(whole[:place] + struct.pack("<HB", 0, ord(kind)) + whole[place:])
+    found = flight.load(path)
+    assert found.imu.time[-1] - found.imu.time[0] > SECONDS - 0.2
+    assert any(check.name == "damaged" for check in found.checks)
+
+
 def test_a_velocity_alone_is_no_flight(autopilots, tmp_path):
     """Of a position that is no number nothing is left, and the velocity beside it plays no role."""
     log, stamps = autopilots.Ulog(), micro(at_rate(20))
