@@ -8,6 +8,7 @@ from wrenchgap._safe_path import environment
 COMPILES = """
 import os, signal, time
 from wrenchgap import _signals
+signal.signal(signal.SIGINT, signal.default_int_handler)  # in the background it may be ignored
 _signals.catch()
 import llvmlite.binding as llvm
 llvm.initialize_native_target()

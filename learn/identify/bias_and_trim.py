@@ -202,13 +202,14 @@ class GrantedTrim:
 
 
 def granted_trims(
-    data: Dataset, left: Array, model: Model, different: float = 5.0, unusual: float = 2.0
+    data: Dataset, left: Array, given: Array, model: Model, different: float = 5.0, unusual: float = 2.0
 ) -> tuple[GrantedTrim, ...]:
     """What flights share of what a model leaves (K, 6) that its scatter between flights, or thrust axes that it is not
     sure of, would make, the most unusual first.
 
     A mean that is `different` times its noise, and beyond what one flight in twenty differs by: `unusual` standard
     deviations of the mean of so many. Every fit grants it, so no effect has to explain it; it is there nevertheless.
+    Where the model as `given` does not leave that much (K, 6), it is what the fit has brought in, and not there.
     """  # noqa: D205
     trim, usual = trim_of(model), np.full(6, np.inf)
     usual[trim.axes] = trim.scale * trim.unit
@@ -217,6 +218,7 @@ def granted_trims(
     means, noise = means_of_flights(data, left)
     mean, root = means.mean(axis=0), np.sqrt(len(means))
     clear = data.measured_axes & (np.abs(mean) * root > np.maximum(different * np.sqrt(noise), unusual * usual))
+    clear &= np.abs(means_of_flights(data, given)[0].mean(axis=0)) * root > unusual * usual
     order = np.argsort(-np.abs(mean) / usual)
     return tuple(GrantedTrim(int(k), float(mean[k]), float(abs(mean[k]) / usual[k])) for k in order if clear[k])
 

@@ -169,7 +169,7 @@ def search_dataset(
         untried=(*chosen.untried, *(Untried(name, Lack.FIT, words) for name, words in tried.failed.items())),
         answering=data.answering,
         apart=flights_apart(data, left, model),
-        granted=granted_trims(data, left + unclear_constant(whole.fit.values("constant_wrench")), model),
+        granted=granted_trims(data, left + unclear_constant(whole.fit.values("constant_wrench")), every.given, model),
         given={e.name: e.theta for e in model.effects},
         limits=limits,
         **vars(rest),

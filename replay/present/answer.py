@@ -37,16 +37,20 @@ def answer(found: Explanation) -> list[str]:
 
 
 def answer_lines(found: Explanation) -> list[Line]:
-    """The same with a line for each of what cannot be told apart, and what to inspect before what else may be so."""
+    """The same, what to inspect before what else may be so; a line for each of what cannot be told apart, where that is
+    one group: several are a sentence each, as the answer has to fit a screen.
+    """  # noqa: D205
     places = [Line(text, "bold") for text in what_to_inspect.of_explanation(found)[:MOST_PLACES]]
     if not found.groups:
         return [Line(" ".join(answer(found)), "bold"), *places]
     before, after = _around_groups(found)
     out = [Line(" ".join(before), "bold")] if before else []
-    for k, group in enumerate(fitted_effects.likely_groups(found)):
-        which = fitted_effects.which_flights(found)
-        out.append(Line(f"{'And one' if k else 'One'} of these, {which} cannot tell which:", "bold"))
-        out += [Line(f"  {weight:>5}  {clause}") for weight, clause in fitted_effects.alternatives(found, group)]
+    groups = fitted_effects.likely_groups(found)
+    if len(groups) == 1:
+        out.append(Line(f"One of these, {fitted_effects.which_flights(found)} cannot tell which:", "bold"))
+        out += [Line(f"  {weight:>5}  {clause}") for weight, clause in fitted_effects.alternatives(found, groups[0])]
+    else:
+        out += [Line(fitted_effects.either(found, group), "bold") for group in groups]
     return [*out, *places, Line(" ".join(after))]
 
 

@@ -123,10 +123,12 @@ def test_a_constant_that_flights_share_beyond_their_scatter_is_told(fly, hexarot
         data = several(fly, hexarotor, count)
         left = noise(data)
         left[:, 4] += share * usual
-        found = granted_trims(data, left, knows)
+        found = granted_trims(data, left, left, knows)
         assert [one.axis for one in found] == ([4] if told else [])
-        assert not granted_trims(data, left, hexarotor)  # that model grants no torque
-    (one,) = granted_trims(data, left + np.array([0.0, 0.0, 0.0, 0.0, 2.0 * usual, 0.0]), knows)
+        assert not granted_trims(data, left, left, hexarotor)  # that model grants no torque
+        assert not granted_trims(data, left, noise(data), knows)  # it came with the fit
+    more = left + np.array([0.0, 0.0, 0.0, 0.0, 2.0 * usual, 0.0])
+    (one,) = granted_trims(data, more, more, knows)
     assert (one.mean, one.ratio) == pytest.approx((3.5 * usual, 3.5), rel=0.02)
 
 

@@ -6,6 +6,7 @@ import pytest
 
 from tests.learn.test_response_timing import found_in, log
 from wrenchgap import flight
+from wrenchgap.flight.flight import WrenchSeries
 from wrenchgap.learn.data.checks.early_response import early_response
 from wrenchgap.learn.data.measurement import prepare
 from wrenchgap.plant import model_file
@@ -49,3 +50,12 @@ def test_a_command_that_balances_a_disturbance_is_none():
     wrench = made.commanded.wrench_B.copy()
     wrench[:, 3:] *= -0.5
     assert not checks(replace(made, commanded=replace(made.commanded, wrench_B=wrench)))
+
+
+def test_a_snapshot_of_faster_commands_is_early_by_half_its_period():
+    """It is said at 25 Hz what was commanded at 250 Hz, and taken for held."""
+    made = both()
+    rare = WrenchSeries("/command/wrench", made.commanded.time[::10], made.commanded.wrench_B[::10])
+    made = replace(made, commanded=rare)
+    assert found_in(made)["torque_x"].early == pytest.approx(0.02, abs=3e-3)
+    assert not checks(made)

@@ -80,7 +80,7 @@ def test_where_no_flight_helps_that_is_said_and_nothing_is_written(run, tmp_path
     done = run(*arguments, "--json", "no.json")
     assert done.exit_code == 0, done.output
     words = " ".join(done.output.split())
-    assert "No reference trajectory within these limits separates mass and thrust_scale" in words
+    assert "No reference trajectory within these limits separates mass from thrust_scale" in words
     assert "weigh the vehicle" in words
     assert not (tmp_path / "no.toml").exists()
     assert kept[0].expected.share < 0.03  # an exact alias
