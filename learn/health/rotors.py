@@ -4,17 +4,20 @@ Rotors come from the model where one is given, else from the autopilot's paramet
 a command as the autopilot takes it, f u^2 + (1 - f) u, or the square of a speed; its size in newtons is not needed.
 """
 
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
 from wrenchgap.flight.autopilot import Autopilot
-from wrenchgap.flight.errors import LogError
+from wrenchgap.flight.errors import LogError, ModelError
 from wrenchgap.flight.flight import ActuatorSeries, Array, Flight, Mask
 from wrenchgap.flight.formats.standard_topics import are_pulses
 from wrenchgap.learn.data.checks.frame import motors_of
 from wrenchgap.plant.command_curve import as_speeds
 from wrenchgap.plant.drafts import ardupilot, px4
+from wrenchgap.plant.drafts.draft import Sourced
 from wrenchgap.plant.model import Model
 
 
@@ -94,16 +97,20 @@ def _at_ends(u: Array, margin: float = 0.01) -> tuple[Mask, Mask]:
 
 
 def _curve(flight: Flight, sent: ActuatorSeries) -> tuple[tuple[float, float], float, bool]:
-    """Ends of the commands, the factor of their curve, and whether the ends are assumed: no parameter tells them."""
+    """Ends of the commands, the factor of their curve, and whether the ends are assumed: no parameter tells them, or
+    one is none that can be, as in a damaged log.
+    """  # noqa: D205
     autopilot = flight.autopilot
     parameters = {} if autopilot is None else autopilot.parameters
-    if autopilot is not None and autopilot.name == "ArduPilot" and sent.unit == "pwm":
-        keys = ardupilot.command_of(parameters).keys
-    elif parameters and sent.unit in ("pwm", "normalised"):
-        keys = px4.command_of(parameters, sent.unit).keys
-    elif sent.unit == "normalised":
-        return (0.0, 1.0), 1.0, False
-    else:
+    keys: Mapping[str, Sourced] = {}
+    with suppress(ModelError):
+        if autopilot is not None and autopilot.name == "ArduPilot" and sent.unit == "pwm":
+            keys = ardupilot.command_of(parameters).keys
+        elif parameters and sent.unit in ("pwm", "normalised"):
+            keys = px4.command_of(parameters, sent.unit).keys
+    if not keys and sent.unit == "normalised":
+        return (0.0, 1.0), 1.0, bool(parameters)
+    if not keys:
         return (USUAL_PULSES if are_pulses(sent.rotor_speed).all() else (0.0, 65535.0)), 1.0, True
     low, high = keys["range"].value if "range" in keys else (0.0, 1.0)
     assumed = not low < high or ("range" in keys and keys["range"].assumed)

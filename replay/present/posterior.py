@@ -161,16 +161,13 @@ def unproven(found: Explanation, most: float = 0.5, t_least: float = 3.0) -> str
 
 
 def largest_residual(found: Explanation) -> str:
-    """The axis on which most is left, in units of the noise; above what structure is, that something is left.
-
-    Of a motion that an estimator smoothed (no IMU was read) no noise is known that it could be held against.
-    """
+    """The axis on which most is left, in units of the noise; above what structure is, that something is left."""
     axis = _worst_axis(found)
-    size = f"{found.rms_after[axis]:.2g} {unit_of(axis)} rms"
-    if not all(r.has_imu for f in found.flights for r in f.records):
-        return f"Largest remaining error: {AXES[axis]}, {size}."
+    said = f"Largest remaining error: {AXES[axis]}, {found.rms_after[axis]:.2g} {unit_of(axis)} rms"
+    if not all(r.has_imu for f in found.flights for r in f.records):  # what an estimator smoothed has no known noise
+        return f"{said}."
     times = found.rms_after[axis] / max(found.noise[axis], 1e-300)  # a sensor that stands still has none
-    said = f"Largest remaining error: {AXES[axis]}, {size} (sensor noise {found.noise[axis]:.2g})"
+    said += f" (sensor noise {found.noise[axis]:.2g})"
     if times <= found.posterior.settings.structure or found.verdict is Verdict.UNKNOWN:
         return f"{said}."
     why = "gusts, slowly logged commands, or something that is not named" if found.members else answered(found)

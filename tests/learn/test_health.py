@@ -245,6 +245,17 @@ def test_the_vehicles_own_motion_is_no_vibration():
     assert spectrum(shaken([(3.0, 0.5 * VIBRATION.slow_hz)], 250.0)).peaks == ()
 
 
+def test_a_parameter_that_cannot_be_costs_no_more_than_what_it_says():
+    """A share of the curve of -1e30 is damage; the commands are there all the same, and their ends are not known."""
+    time = np.arange(0.0, 10.0, 0.01)
+    sent = ActuatorSeries("/motors", time, np.zeros((len(time), 0)), np.full((len(time), 4), 0.5), unit="normalised")
+    flight = Flight("damaged", Path("damaged.ulg"), "", 0, actuators=sent)
+    found = thrusts_of(replace(flight, autopilot=Autopilot("PX4", parameters={"THR_MDL_FAC": -1e30})))
+    assert found is not None
+    assert found.limits is None
+    np.testing.assert_allclose(found.share, 0.25)
+
+
 def test_parameters_are_compared_as_the_autopilots_hold_them():
     """0.1 in double and in single precision are one value; a parameter that a log lacks is no difference."""
     one = Autopilot("PX4", parameters={"A": 0.1, "B": 1, "C": 3.0, "STAT_BOOTCNT": 1, "ONLY": 1})

@@ -20,7 +20,7 @@ from wrenchgap.flight.check import Check, Level
 from wrenchgap.flight.checks.clipping import stopped_together
 from wrenchgap.flight.checks.masking import MASKING, without
 from wrenchgap.flight.flight import Array, Flight
-from wrenchgap.flight.row_kernels import lengths
+from wrenchgap.flight.row_kernels import lengths, runs
 from wrenchgap.flight.stamps import thinned
 from wrenchgap.learn.data.checks.early_response import early_response
 from wrenchgap.learn.data.errors import force_and_torque, length, rms
@@ -165,8 +165,9 @@ class RecordThresholds:
     far: float = 3.0
     """How many times what three quarters of the others are counts as far."""
     turning: float = 0.5
-    """Of a rotor's median speed: between two samples beyond it, a single zero is a lost value and no command (a
-    command that is cut off at zero passes through small ones; none of the real logs tried has such a zero)."""
+    """Of a rotor's median speed: between two samples beyond it, a zero for a `moment` [s], in which no rotor stops and
+    starts, is a lost value and no command (which would pass through small ones; no real log has such a zero)."""
+    moment: float = 0.02
 
 
 RECORDS = RecordThresholds()
@@ -183,8 +184,8 @@ def record_checks(
     if not records:
         return ()
     known = any(check.level == "bad" and check.name in EXPLAINED for check in said)
-    own = (*_counts(flight, model), *_weight(records, model), *_actuation(flight, records, model, known=known))
-    return (*own, *early_response(flight, model, records))
+    found = (*_counts(flight, model), *_weight(records, model), *_actuation(flight, records, model, known=known))
+    return (*found, *early_response(flight, model, records))
 
 
 def _counts(flight: Flight, model: Model) -> list[Check]:
@@ -303,11 +304,13 @@ def _some(beyond: NDArray[np.bool_], size: Array) -> bool:
     return share <= RECORDS.many and float(size[beyond].min()) > RECORDS.far * float(np.percentile(size[~beyond], 75))
 
 
-def _lost(speed: Array) -> NDArray[np.bool_]:
-    """Single zeros (N, n) of rotor speeds (N, n) in rad/s, between two samples of a rotor that turns."""
-    turns = speed > RECORDS.turning * np.median(speed, axis=0)
-    lost = np.zeros(speed.shape, bool)
-    lost[1:-1] = (speed[1:-1] == 0.0) & turns[:-2] & turns[2:]
+def _lost(time: Array, speed: Array) -> NDArray[np.bool_]:
+    """Rows (N,) with zeros of speeds (N, n) [rad/s] for a moment, between two samples of a rotor that turns."""
+    turns, lost = speed > RECORDS.turning * np.median(speed, axis=0), np.zeros(len(time), bool)
+    for rotor, zero in enumerate((speed == 0.0).T):
+        for a, b in runs(zero):
+            if a > 0 and b < len(time) and time[b - 1] - time[a] < RECORDS.moment:
+                lost[a:b] |= turns[a - 1, rotor] & turns[b, rotor]
     return lost
 
 
@@ -328,10 +331,10 @@ def without_impossible_commands(flight: Flight, model: Model) -> tuple[Flight, t
         speed = np.abs(sent.rotor_speed)
         beyond = np.any(speed > RECORDS.speed_margin * rotors.speed_max, axis=1)
         beyond &= _some(beyond, np.max(speed, axis=1))
-        lost = np.any(_lost(speed), axis=1)
+        lost = _lost(sent.time, speed)
         lost &= float(lost.mean()) <= MASKING.rare
         limit = f"beyond {RECORDS.speed_margin:g} times vehicle.rotor.speed_max"
-        for bad, words in ((beyond, limit), (lost, "where a turning rotor's speed is lost (a single 0)")):
+        for bad, words in ((beyond, limit), (lost, "where a turning rotor's speed is lost (0 for a moment)")):
             if bad.any():
                 found.append(Check("spikes", "warn", f"actuators: {int(bad.sum())} sample(s) {words}: left out."))
         if np.any(beyond | lost):

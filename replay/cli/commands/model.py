@@ -70,7 +70,7 @@ def new(
     run.draw(saved, figure)
     run.write("model", {**saved.to_json(), "model": str(output)}, model=output, figure=figure)
     flown = source is not None and source.suffix.lower() in (".ulg", ".bin", ".csv", ".parquet")
-    log = shlex.quote(str(source)) if flown else "LOG"
+    log = shlex.quote(f"./{source}" if str(source).startswith("-") else str(source)) if flown else "LOG"
     run.line(f"next: wrenchgap check {log} -m {shlex.quote(str(output))} --details")
 
 
