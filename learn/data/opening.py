@@ -21,7 +21,8 @@ from wrenchgap.flight.row_kernels import runs
 from wrenchgap.flight.unmeasured import Why, sentence, zero_axes
 from wrenchgap.learn.data.checks import against_model, rates
 from wrenchgap.learn.data.checks.frame import frame
-from wrenchgap.learn.data.checks.vehicle import record_checks, without_impossible_commands
+from wrenchgap.learn.data.checks.impossible_commands import without_impossible_commands
+from wrenchgap.learn.data.checks.vehicle import record_checks
 from wrenchgap.learn.data.input_errors import input_error_notes, with_input_error
 from wrenchgap.learn.data.measurement import Record, commands_of, measured_axes, names_of, prepare
 from wrenchgap.learn.data.phases import never_flew, phase_checks, phases_of, times_left_out

@@ -8,7 +8,8 @@ import pytest
 import wrenchgap as wg
 from wrenchgap.flight.flight import ActuatorSeries, Flight, ImuSeries, WrenchSeries
 from wrenchgap.learn.data.checks import rates
-from wrenchgap.learn.data.checks.vehicle import vehicle_checks, without_impossible_commands
+from wrenchgap.learn.data.checks.impossible_commands import without_impossible_commands
+from wrenchgap.learn.data.checks.vehicle import vehicle_checks
 
 SHIPPED = ("crazyflie", "tilt_hexarotor", "voliro_x", "asymmetric_quadrotor", "variable_tilt_hexacopter")
 
@@ -187,6 +188,21 @@ def test_a_zero_for_a_moment_of_a_rotor_that_turns_is_a_lost_value(rows):
     assert check.level == "warn"
     assert "2 sample(s) where a turning rotor's speed is lost" in check.words
     assert found.actuators.rotor_speed.min() == 2000.0
+
+
+def test_a_zero_that_the_mixer_commands_stays():
+    """What it takes from one rotor it gives to another, or takes from all but those."""
+    model = wg.load_model("crazyflie")
+
+    def speeds(count):
+        out = np.full((count, 4), 2000.0)
+        out[300, :2] = 0.0, 2400.0
+        out[500:502] = 2300.0, 0.0, 1700.0, 2000.0
+        return out
+
+    found, checks = without_impossible_commands(flight_of(250.0, speeds=speeds), model)
+    assert checks == ()
+    assert len(found.actuators.time) == 2000
 
 
 @pytest.mark.parametrize(

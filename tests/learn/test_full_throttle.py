@@ -7,7 +7,7 @@ import pytest
 
 import wrenchgap as wg
 from wrenchgap.flight.flight import ActuatorSeries, Flight
-from wrenchgap.learn.data.checks.vehicle import without_impossible_commands
+from wrenchgap.learn.data.checks.impossible_commands import without_impossible_commands
 
 MODEL = wg.load_model("crazyflie")
 TOP = float(MODEL.vehicle.rotors.speed_max.max())

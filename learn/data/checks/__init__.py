@@ -1,8 +1,8 @@
 """Is this log of this vehicle? Checks that need a model, wherever a log is opened for one.
 
     commands_and_motion    side by side
-    vehicle     numbers of the vehicle that contradict one another, commands beyond the possible; weight and actuators
-                against the commanded wrench
+    impossible_commands    beyond what the rotors can do, or lost by the log for a moment
+    vehicle     numbers of the vehicle that contradict one another; weight and actuators against the commanded wrench
     wrench      the commanded wrench: units, axes
     rotors      order, spin, sign of tilt
     bench       motors that turned, and a vehicle that did not move

@@ -14,13 +14,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrenchgap.flight.check import Check, Level
-from wrenchgap.flight.checks.clipping import stopped_together
-from wrenchgap.flight.checks.masking import MASKING, without
 from wrenchgap.flight.flight import Array, Flight
-from wrenchgap.flight.row_kernels import lengths, runs
 from wrenchgap.flight.stamps import thinned
 from wrenchgap.learn.data.checks.early_response import early_response
 from wrenchgap.learn.data.errors import force_and_torque, length, rms
@@ -156,18 +152,6 @@ class RecordThresholds:
     """Times as much of the measured wrench as the logged one that h(u) may leave, force or torque. It is 1.00 on ten
     flights with no or one of four defects where columns are as sent; on a sound vehicle steps, offsets, noise and an
     eccentricity of 1.7 deg make 2.7 to 300. Of 1.2 low-passed columns (1.3, 1.9) are told too; of 4 steps are not."""
-    speed_margin: float = 1.2
-    """Times a rotor's `speed_max` beyond which no command is one."""
-    force_margin: float = 3.0
-    """Times the force of all rotors at `speed_max` beyond which no command is one."""
-    many: float = 0.3
-    """Share of the samples up to which they are left out where all are far from the others."""
-    far: float = 3.0
-    """How many times what three quarters of the others are counts as far."""
-    turning: float = 0.5
-    """Of a rotor's median speed: between two samples beyond it, a zero for a `moment` [s], in which no rotor stops and
-    starts, is a lost value and no command (which would pass through small ones; no real log has such a zero)."""
-    moment: float = 0.02
 
 
 RECORDS = RecordThresholds()
@@ -294,57 +278,3 @@ def _odd_rotor(vehicle: Vehicle, sent: Sequence[Commands], apart: Array) -> tupl
     if rest > RECORDS.unexplained * whole or not RECORDS.odd_rotor < abs(share) < 1.0:
         return None
     return rotor, float(1.0 / np.sqrt(1.0 - share))
-
-
-def _some(beyond: NDArray[np.bool_], size: Array) -> bool:
-    """Whether some samples (N,) of these sizes are wrong: few of them, or many that are nowhere near the others."""
-    share = float(beyond.mean())
-    if share <= MASKING.rare:
-        return share > 0.0
-    return share <= RECORDS.many and float(size[beyond].min()) > RECORDS.far * float(np.percentile(size[~beyond], 75))
-
-
-def _lost(time: Array, speed: Array) -> NDArray[np.bool_]:
-    """Rows (N,) with zeros of speeds (N, n) [rad/s] for a moment, between two samples of a rotor that turns."""
-    turns, lost = speed > RECORDS.turning * np.median(speed, axis=0), np.zeros(len(time), bool)
-    for rotor, zero in enumerate((speed == 0.0).T):
-        for a, b in runs(zero):
-            if a > 0 and b < len(time) and time[b - 1] - time[a] < RECORDS.moment:
-                lost[a:b] |= turns[a - 1, rotor] & turns[b, rotor]
-    return lost
-
-
-def without_impossible_commands(flight: Flight, model: Model) -> tuple[Flight, tuple[Check, ...]]:
-    """The flight without single commands that its vehicle cannot follow; what is beyond all the time is a unit.
-
-    And whether several commands stop at one value below what it can.
-    """
-    vehicle = model.vehicle
-    if not vehicle.has_rotors:
-        return flight, ()
-    _, rotors = vehicle.geometry()
-    found: list[Check] = []
-    sent = flight.actuators
-    if sent is not None and sent.unit == "rad/s":
-        found += stopped_together(sent.rotor_speed, float(rotors.speed_max.max()))
-    if sent is not None and sent.rotor_speed.shape[1] == len(rotors):
-        speed = np.abs(sent.rotor_speed)
-        beyond = np.any(speed > RECORDS.speed_margin * rotors.speed_max, axis=1)
-        beyond &= _some(beyond, np.max(speed, axis=1))
-        lost = _lost(sent.time, speed)
-        lost &= float(lost.mean()) <= MASKING.rare
-        limit = f"beyond {RECORDS.speed_margin:g} times vehicle.rotor.speed_max"
-        for bad, words in ((beyond, limit), (lost, "where a turning rotor's speed is lost (0 for a moment)")):
-            if bad.any():
-                found.append(Check("spikes", "warn", f"actuators: {int(bad.sum())} sample(s) {words}: left out."))
-        if np.any(beyond | lost):
-            flight = without(flight, "actuators", beyond | lost, "impossible command")
-    if flight.commanded is not None:
-        size = lengths(flight.commanded.wrench_B[:, :3])
-        most = RECORDS.force_margin * float(np.sum(rotors.c_f * rotors.speed_max**2))
-        beyond = (size > most) & (size > 10.0 * np.percentile(size, 95))
-        if _some(beyond, size):
-            flight = without(flight, "commanded", beyond, "beyond all rotors")
-            words = f"commanded: {int(beyond.sum())} sample(s) beyond {most:.3g} N, {RECORDS.force_margin:g} times"
-            found.append(Check("spikes", "warn", f"{words} all rotors: left out."))
-    return flight, tuple(found)
