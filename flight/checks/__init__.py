@@ -77,6 +77,7 @@ def checks(flight: Flight) -> tuple[Check, ...]:
         found += [check for ask in AGAINST_ODOMETRY for check in ask(flight, moved)]
         found += gyroscope_scale.gyroscope_scale(flight, found)
         found += gyroscope_scale.slow_turns(flight, found)
+        found += gyroscope_scale.gyroscope_bias(flight, found)
         found += accelerometer_scale.accelerometer_scale(flight, moved, found)
         found += late_sensors.late_sensors(flight, found)
     found = wrench.behind_body_frame(gyroscope_scale.without_factor(found), found)

@@ -331,3 +331,12 @@ def test_a_sound_gyroscope_loses_no_slow_turns(how):
 def test_a_still_hover_shows_no_high_pass(seed, seconds):
     """Its vehicle turns as far as the gyroscope's noise lets the controller believe, and no farther."""
     assert high_pass(fly([Case("still", seed=seed, seconds=seconds)])[0]) is None
+
+
+@pytest.mark.parametrize(("bias", "axes"), [(0.3, ["x"]), (-0.15, ["x"]), (0.0, [])])
+def test_a_bias_that_nobody_took_off_is_said_of_its_axis(bias, axes):
+    """Beside 0.03, -0.02 and 0.01 rad/s, as sensors have."""
+    flight = reading(flown(seconds=40.0, seed=4), lambda _, rates: rates + np.array([bias, 0.0, 0.0]))
+    found = [check.words for check in with_checks(flight).checks if "nobody took off" in check.words]
+    assert [re.findall(r"about ([xyz])", words) for words in found] == [axes] * bool(axes)
+    assert all(f"{bias + 0.03:+.2f} rad/s" in words for words in found)
