@@ -17,9 +17,11 @@ def render(template: str, **values: Any) -> str:
     return environment().get_template(f"{template}.html").render(**values)
 
 
-def sentences(*lines: str, look: str = "") -> str:
-    """Sentences as HTML; the page shows no Markdown, where viser takes HTML in a name for its own."""
-    return render("sentences", lines=lines, look=look)
+def sentences(*lines: str, look: str = "", under: str = "") -> str:
+    """Sentences as HTML, folded away `under` a heading; the page shows no Markdown, where viser takes HTML in a name
+    for its own.
+    """  # noqa: D205
+    return render("sentences", lines=lines, look=look, under=under)
 
 
 def style() -> str:

@@ -110,8 +110,8 @@ class EffectsPanel(Panel):
         self.available = tuple(name for name, why in absent.items() if why is None)
         self.choice.options = self.available or ("-",)
         reasons = not_tried([why for why in absent.values() if why is not None])
-        lacking = [f"not here: {', '.join(names)}: {reason}" for reason, names in reasons.items()]
-        self.lacking.content = sentences(*lacking, look="wg-pale")
+        lacking = [f"{', '.join(names)}: {reason}" for reason, names in reasons.items()]
+        self.lacking.content = sentences(*lacking, look="wg-pale", under="what cannot be added on this flight")
         self.inside.content = html.render("installed", effects=installed, vehicle=self.host.session.vehicle)
         self.sliders.show(installed)
         self.refit.visible = bool(installed)
