@@ -123,7 +123,7 @@ def test_swapping_tells_a_weak_rotor_from_a_centre_of_mass(checks):
     assert tells(found, WEAK, wrench) == ["swap"]
     thrust, apart = 4.0 * 9.80665 / 12, 0.6
     swap = bench(found)["swap"]
-    assert f"changes by {0.08 * thrust * apart:.2g} Nm if rotor_thrust; its torque stays if not" in swap.what
+    assert f"differ by {80.0 * thrust * apart:.3g} mNm if rotor_thrust; they are the same if not" in swap.what
 
 
 def test_swapped_are_the_odd_rotor_and_the_farthest_that_turns_alike(checks, vehicle):

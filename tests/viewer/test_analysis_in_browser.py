@@ -49,7 +49,7 @@ def tab(visitor, name):
 
 def numbers(visitor):
     """The large numbers [N] as a user reads them: error on the flight shown, on the held-out one."""
-    return [float(n) for n in re.findall(r"([\d.]+) N\s*rms in all", visitor.text())]
+    return [float(n) for n in re.findall(r"([\d.]+) N\s*rms of force and torque", visitor.text())]
 
 
 def test_a_click_in_the_failure_map_moves_cursor_scene_and_line(page, visitor, eventually):

@@ -80,7 +80,7 @@ class Pilot:
 
     def error(self):
         """The error of the model that the page shows [N]."""
-        found = re.search(r"([\d.]+) m?N\s*rms in all", self.text())
+        found = re.search(r"([\d.]+) m?N\s*rms of force and torque", self.text())
         return float(found[1]) if found else None
 
 

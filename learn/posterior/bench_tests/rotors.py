@@ -92,11 +92,12 @@ def swap(vehicle: Vehicle, sets: Sequence[Fitted]) -> Setup:
 
     def says(torque: Array) -> str:
         size = float(np.linalg.norm(torque))
-        return f"its torque changes by {size:.2g} Nm" if size > resolution else "its torque stays"
+        return f"they differ by {1e3 * size:.3g} mNm" if size > resolution else "they are the same"
 
     which = "rotors that turn alike, pair after pair" if pair is None else " and ".join(map(vehicle.rotor_name, pair))
     return Setup(
-        f"Swap {which} (propeller, motor and speed controller) and hover as before, to {resolution:.2g} Nm",
+        f"Swap {which} (propeller, motor and speed controller), hover as before, and compare the mean torques that the "
+        f"motors are commanded in the two logs, to {1e3 * resolution:.3g} mNm",
         reads(3, rotor_thrust=moved),
         resolution,
         says,
