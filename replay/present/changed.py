@@ -311,7 +311,8 @@ def brief(found: Changed) -> list[Part]:
     said = [*(doubted := doubted_mass(found)), *note_lines(other_recordings(found)[:1], "warning")]
     said += [Line(text, "bold") for text in (summary(found), *what_to_inspect.sentences(found)[:MOST_PLACES])]
     said += [] if doubted else map(Line, posterior.cheapest_check(found.settle))
-    said += note_lines(outliers(found)[:1], "warning")
+    told = found.scatter_known or found.verdict is Verdict.NOTHING or not found.is_clear  # said elsewhere
+    said += note_lines([*([] if told else [f"{baseline(found).partition(':')[0]}."]), *outliers(found)[:1]], "warning")
     room = ANSWER_LINES - len(said)
     return [*said, *map(Line, detection.in_short(found)[:room]), Line(), *sizes(found)]
 

@@ -247,10 +247,10 @@ def _is_stronger(listed: Sequence[Size]) -> bool:
 def exchanged(found: Changed) -> str:
     """Both sides of flights the other way round, for a command.
 
-    Empty where no rotor got stronger and healthy flights are as near to the model as suspect ones.
+    Empty where a rotor got weaker, or none stronger and healthy flights are as near to the model as suspect ones.
     """
-    stronger = _is_stronger([p for p in found.parameters if p.effect == ROTOR_THRUST] or found.parameters)
-    if not (stronger or suspects_are_nearer(found)):
+    rotors = [p for p in found.parameters if p.effect == ROTOR_THRUST]
+    if not (_is_stronger(rotors or found.parameters) or (not rotors and suspects_are_nearer(found))):
         return ""
     sides: list[list[str]] = [[], []]
     for one in found.flights:
