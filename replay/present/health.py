@@ -152,7 +152,7 @@ def next_command(found: Health) -> str:
         return f"{shlex.join(['wrenchgap', 'check', *logs, '-m', found.model])} {mend}"
     if found.fits and len(flown_ones) > 1 and len({_kind(log) for log in flown_ones}) == 1:
         return shlex.join([*_comparison(flown_ones), "-m", found.model])
-    if not found.model and (shipped := _shipped(flown_ones)):
+    if not found.model and (shipped := shipped_for(flown_ones)):
         return shlex.join(["wrenchgap", "check", *logs, "-m", shipped])
     if found.fits:
         fine = all(check.level == "ok" for check in flown_ones[0].inspection.checks)
@@ -168,7 +168,7 @@ def _short(logs: Sequence[LogHealth]) -> bool:
     return all(log.phases.lack is None and log.phases.seconds(*AIRBORNE) < NEEDS.flight for log in logs)
 
 
-def _shipped(logs: Sequence[LogHealth]) -> str:
+def shipped_for(logs: Sequence[LogHealth]) -> str:
     """The one shipped model of the vehicle that these logs are of, by their columns or topics; empty without one."""
     if all(log.inspection.flight is not None and log.inspection.flight.firmware == CRAZYFLIE for log in logs):
         return "crazyflie"

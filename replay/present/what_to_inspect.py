@@ -72,7 +72,7 @@ YAW_BIAS = "a twisted motor mount or arm, then propellers of two kinds"
 """What to look for where the motors of one turning direction work harder."""
 LOADS = ("com_offset", "payload", "mass", "accelerometer_bias", "imu_misalignment", "command_delay", "tilt_scale")
 """Those of which a model that lacks them says that something is to be looked at."""
-NOTHING = "Nothing is established that asks for an inspection; a change smaller than those listed here would not show."
+NOTHING = "Nothing is established that asks for an inspection; a smaller change may stay unseen."
 MORE = "Look at what was touched between these flights; `wrenchgap trend` of all of them tells when it came."
 PERHAPS = "Nothing is established to inspect; a look at {0} costs little: it is where the likeliest change would be."
 REGAINED = (

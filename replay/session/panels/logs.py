@@ -92,7 +92,10 @@ class LogsPanel(Panel):
         """Which model, with what was said of it before; sizes only where it is made here."""
         host, intake, gui, given = self.host, self.intake, self.host.gui, self.intake.given
         gui.add_html(markup.sentences(WHY))
-        self.source = gui.add_dropdown("model", (OF_LOG, *shipped_models()), initial_value=OF_LOG)
+        from wrenchgap.replay.present.health import shipped_for  # here: the page stands before it is there
+
+        known = shipped_for(intake.health.logs) if intake.health is not None and intake.model is None else ""
+        self.source = gui.add_dropdown("model", (OF_LOG, *shipped_models()), initial_value=known or OF_LOG)
         host.connect(self.source, lambda _: self._ask_sizes())
         self.mass = _number(gui, "mass [kg]", given.mass, "with battery, as it flew")
         self.frame = gui.add_dropdown("frame", (AS_LOGGED, *FRAMES), initial_value=given.frame or AS_LOGGED)
@@ -112,6 +115,7 @@ class LogsPanel(Panel):
             host.connect(field, lambda _: self._draw())
         label = "Make the model, open the flights"
         self.make = JobControls(host, label, lambda: self._run(self.make, self._modelled))
+        self._ask_sizes()
 
     def _ask_sizes(self) -> None:
         for field in (self.mass, self.frame, self.arm, self.radius, self.thrust):
