@@ -39,13 +39,15 @@ class Check:
     """Something to do, and which sets of effects it tells apart.
 
     `what` is one sentence with the outcome for each side. `separates` are two or more groups of sets: the outcome says
-    in which of them the truth is. `name` is that of the bench check, "flight" for a flight.
+    in which of them the truth is. `settles` is the weight of the pairs of sets that it separates, of that of all pairs;
+    zero for a flight. `name` is that of the bench check, "flight" for a flight.
     """
 
     kind: Literal["bench", "flight"]
     what: str
     separates: tuple[tuple[EffectSet, ...], ...]
     name: str
+    settles: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -98,7 +100,12 @@ def discriminating_tests(
         return ()
     chosen = _chosen(_candidates(found, vehicle), found)
     sides = [tuple(tuple(found[k].effects for k in group) for group in c.groups) for c in chosen]
-    bench = [Check("bench", _sentence(c, found), s, c.trial.name) for c, s in zip(chosen, sides, strict=True)]
+    pairs = _pair_weights(found)
+    worth = [float(np.sum(pairs[c.apart])) for c in chosen]
+    bench = [
+        Check("bench", _sentence(c, found), side, c.trial.name, settles)
+        for c, side, settles in zip(chosen, sides, worth, strict=True)
+    ]
     left = ~np.any([c.apart for c in chosen], axis=0) if chosen else np.ones((len(found), len(found)), dtype=bool)
     return (*bench, _flight(_open(left, found), found))
 

@@ -310,7 +310,7 @@ def brief(found: Changed) -> list[Part]:
     """The verdict, what to inspect, what would settle it, what the flights could have shown, and sizes."""
     said = [*(doubted := doubted_mass(found)), *note_lines(other_recordings(found)[:1], "warning")]
     said += [Line(text, "bold") for text in (summary(found), *what_to_inspect.sentences(found)[:MOST_PLACES])]
-    said += [] if doubted else map(Line, posterior.cheapest_check(found.settle))
+    said += [] if doubted else map(Line, posterior.first_check(found.settle))
     told = found.scatter_known or found.verdict is Verdict.NOTHING or not found.is_clear  # said elsewhere
     said += note_lines([*([] if told else [f"{baseline(found).partition(':')[0]}."]), *outliers(found)[:1]], "warning")
     room = ANSWER_LINES - len(said)

@@ -221,7 +221,7 @@ def brief(found: Explanation) -> list[Part]:
     said: list[Part] = [*(doubted := doubted_mass(found)), *(Line(text, "bold") for text in apart(found.apart))]
     said += answer_lines(found)
     said += map(Line, filter(None, (fitted_effects.already_in(found.model, found.effects),)))
-    said += [] if doubted else map(Line, posterior.cheapest_check(posterior.checks_of(found)))
+    said += [] if doubted else map(Line, posterior.first_check(posterior.checks_of(found)))
     if tested := found.validation:
         before, after = force_and_torque(tested.before), force_and_torque(tested.after)
         sizes = [f"{number(a)} to {number(b)} {u}" for a, b, u in zip(before, after, ("N", "Nm"), strict=True)]

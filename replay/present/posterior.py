@@ -48,10 +48,10 @@ def checks_of(found: Explanation) -> list[Check]:
     return [check for check, names in asked if not names or names & told]
 
 
-def cheapest_check(checks: Sequence[Check], longest: int = 160) -> list[str]:
-    """The cheapest of them as a sentence; without the readings where they make it long; none where nothing is open."""
+def first_check(checks: Sequence[Check], longest: int = 160) -> list[str]:
+    """That which settles most, of equals the cheapest, as a sentence; without the readings where they make it long."""
     out = []
-    for check in checks[:1]:
+    for check in sorted(checks, key=lambda one: -one.settles)[:1]:
         done = check.what.partition(": ")[0]
         what = check.what if len(check.what) <= longest else f"{done} (what each explanation predicts: --details)."
         out.append(f"To settle what is open, {KINDS[check.kind]}: {what}")

@@ -120,6 +120,9 @@ def test_swapping_tells_a_weak_rotor_from_a_centre_of_mass(checks):
     com, wrench = {"com_offset": MOVED}, {"constant_wrench": None}
     found = checks(WEAK, com, wrench)
     assert tells(found, WEAK, com) == ["hang", "swap"]
+    hang, swap = (bench(found)[name].settles for name in ("hang", "swap"))
+    assert hang + swap >= 1.0  # of three pairs each tells two, and both that of rotor and centre of mass
+    assert max(hang, swap) < 1.0
     assert tells(found, WEAK, wrench) == ["swap"]
     thrust, apart = 4.0 * 9.80665 / 12, 0.6
     swap = bench(found)["swap"]

@@ -21,6 +21,7 @@ from wrenchgap.learn.diagnose.relevance import GroupRelevance, Relevance
 from wrenchgap.learn.diagnose.residual_patterns import OneRotor, Oscillation
 from wrenchgap.learn.identify.bias_and_trim import FlightsApart, GrantedTrim
 from wrenchgap.learn.posterior import single_effects
+from wrenchgap.learn.posterior.discriminating_tests import Check
 from wrenchgap.learn.posterior.settings import SearchSettings
 from wrenchgap.learn.posterior.verdict import OpenBand, Verdict, decide
 from wrenchgap.plant.effects import find
@@ -444,6 +445,16 @@ def test_no_check_is_offered_of_what_the_answer_does_not_name(grouped):
     )
     asked = replace(grouped, posterior=replace(grouped.posterior, settle=(place, weigh)))
     assert posterior.checks_of(asked) == [weigh]
+
+
+def test_the_check_that_settles_most_stands_in_the_answer():
+    """Not the cheapest: of what is likely it may tell nothing."""
+    swing, weigh, hang = (
+        Check("bench", f"{what} it: 1 if mass; 0 if not.", (), what, settles)
+        for what, settles in (("Swing", 0.1), ("Weigh", 0.6), ("Hang", 0.6))
+    )
+    assert posterior.first_check([swing, weigh, hang]) == [f"To settle what is open, on the bench: {weigh.what}"]
+    assert posterior.first_check([]) == []
 
 
 def test_what_is_unknown_is_told_with_the_number_of_every_clue(named, nothing):
