@@ -166,5 +166,5 @@ def gyroscope_bias(flight: Flight, known: Sequence[Check], least: float = 0.05, 
     mean, std = np.mean(biases, axis=0), np.std(biases, axis=0, ddof=1) / np.sqrt(len(biases))
     if np.any(off := np.abs(mean) > np.maximum(least, sigmas * std)):
         said = " and ".join(f"{mean[k]:+.2f} rad/s about {'xyz'[k]}" for k in np.flatnonzero(off))
-        words = f"The gyroscope reads {said} that the attitude does not turn: a bias that nobody took off. "
-        yield Check("gyroscope-scale", "warn", f"{words}Calibrate it at rest; torques of turning are off by its share.")
+        words = f"The gyroscope reads {said} that the attitude does not turn: a bias that nobody took off"
+        yield Check("gyroscope-scale", "warn", f"{words}: calibrate it at rest.")

@@ -309,7 +309,7 @@ def _observed(helper: Combined, desired: Array, states: State) -> tuple[Array, A
     J, omega, asked = helper.inertia, states.omega_B[0], []
     rates, wanted, evaluations, accepted = [], [], [], []
     late = math.ceil(helper.delay / helper.dt)
-    found = SELF_TEST.hidden * np.minimum(helper.torque_max, SELF_TEST.turn * np.diag(J))
+    size = SELF_TEST.hidden * np.minimum(helper.torque_max, SELF_TEST.turn * np.diag(J))
     for k, wrench in enumerate(desired):
         now = replace(states.take(slice(k, k + 1)), omega_B=omega[None])
         made = helper.step(wrench, now)
@@ -322,7 +322,7 @@ def _observed(helper: Combined, desired: Array, states: State) -> tuple[Array, A
         evaluations.append(made.iterations)
         accepted.append(made.accepted)
         asked.append(wrench[3:] - helper.estimate)
-        hidden = found * np.sin(np.array([3.0, 5.0, 7.0]) * k * helper.dt)
+        hidden = size * np.sin(np.array([3.0, 5.0, 7.0]) * k * helper.dt)
         torque = asked[max(len(asked) - 1 - late, 0)] + hidden - np.cross(omega, J @ omega)
         omega = omega + helper.dt * np.linalg.solve(J, torque)
     return np.array(rates), np.array(wanted), np.array(evaluations, dtype=float), np.array(accepted)
