@@ -64,7 +64,7 @@ def _as_zip(path: Path, rng: np.random.Generator) -> None:
     """The file in a zip of its name."""
     data = path.read_bytes()
     with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr(path.name, data)
+        archive.writestr(zipfile.ZipInfo(path.name), data)
 
 
 def _of_another_form(path: Path, rng: np.random.Generator) -> None:

@@ -252,7 +252,7 @@ def gp_part(path: Path, rng: np.random.Generator) -> None:
         parts["more.npy"] = contents[2]
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED if rng.random() < 0.5 else zipfile.ZIP_STORED) as archive:
         for key, content in parts.items():
-            archive.writestr(key, content)
+            archive.writestr(zipfile.ZipInfo(key), content, archive.compression)
 
 
 def _other(value: Any, rng: np.random.Generator) -> Any:
@@ -270,7 +270,7 @@ def _other(value: Any, rng: np.random.Generator) -> Any:
 def gp_bomb(path: Path, rng: np.random.Generator) -> None:
     """A part that is small in the file and large out of it."""
     with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("inputs2.npy", bytes(20_000_000))
+        archive.writestr(zipfile.ZipInfo("inputs2.npy"), bytes(20_000_000), archive.compression)
 
 
 GP: tuple[Fault, ...] = (gp_part,)
