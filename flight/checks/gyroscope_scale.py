@@ -152,7 +152,7 @@ def slow_turns(flight: Flight, known: Sequence[Check]) -> Iterator[Check]:
 
 def gyroscope_bias(flight: Flight, known: Sequence[Check], least: float = 0.05, sigmas: float = 5.0) -> Iterator[Check]:
     """Whether the gyroscope reads more than the attitude turns, all the time: by `least` [rad/s] and `sigmas` standard
-    errors over blocks. Of 18 recorded flights the largest is 0.037 +- 0.03; half of `least` says it of none either.
+    errors over blocks. Of 16 recorded flights the largest is 0.037 +- 0.03; half of `least` says it of none either.
     """  # noqa: D205
     wrong = any(check.name in BEFORE_TURNS and check.level != "ok" for check in known)
     blocks = [] if flight.imu is None or wrong else comparable_blocks(flight, "gyroscope")

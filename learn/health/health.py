@@ -52,7 +52,7 @@ class LogHealth:
     """One log. What it does not carry is None; `phases.lack` says why nothing is known of its phases.
 
     `contradictions` are the bad checks of the log against the model that was given, which was then not used; `doubts`
-    are those of its weight that are to be looked at, where it was used. `follows`
+    are those of its weight and its clocks that are to be looked at, where it was used. `follows`
     says whether the motion follows the commands about x or y, None without a model that tells it.
     """
 
@@ -159,13 +159,14 @@ def _against(
 ) -> tuple[tuple[Check, ...], tuple[Check, ...], OpenFlight | None]:
     """Checks of a flight against a model, and the flight if it fits.
 
-    Bad ones, but for the rate, which is the log's own; where there are none, what is to be looked at of the weight.
+    Bad ones, but for rates and clocks, which are the log's own; where there are none, what is to be looked at of the
+    weight, and of the clocks.
     """
     if flight is None or model is None:
         return (), (), None
     found, opened = checks_against(flight, model, options)
-    bad = tuple(c for c in found if c.level == "bad" and not c.accepted and c.name != "rate")
-    doubts = tuple(c for c in found if c.level == "warn" and c.name == "weight")
+    bad = tuple(c for c in found if c.stops and c.name not in ("rate", "early-response"))
+    doubts = tuple(c for c in found if (c.level == "warn" and c.name == "weight") or (c.stops and c.name != "rate"))
     return (bad, (), None) if bad else ((), doubts, opened)
 
 

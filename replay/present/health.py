@@ -155,9 +155,10 @@ def next_command(found: Health) -> str:
     if not found.model and (shipped := shipped_for(flown_ones)):
         return shlex.join(["wrenchgap", "check", *logs, "-m", shipped])
     if found.fits:
-        fine = all(check.level == "ok" for check in flown_ones[0].inspection.checks)
+        first = flown_ones[0]
+        fine = all(check.level == "ok" for check in first.inspection.checks) and not any(c.stops for c in first.doubts)
         command = "compare" if fine else "inspect"
-        return shlex.join(["wrenchgap", command, str(flown_ones[0].inspection.path), "-m", found.model])
+        return shlex.join(["wrenchgap", command, str(first.inspection.path), "-m", found.model])
     if _short(flown_ones):
         return "wrenchgap check ANOTHER_LOG"
     return f"{shlex.join(['wrenchgap', 'model', 'new', *_source(flown_ones[0])])} -o vehicle.toml"

@@ -100,7 +100,7 @@ def _checks(log: LogHealth) -> Iterator[Statement]:
         said = f"{check.name}: {check.words.removeprefix(f'{log.name}: ').rstrip('.? ')}"
         words = f"The model does not fit this log, which is judged without it ({said})."
         yield Statement("bad", "log", f"model {check.name}", words)
-    yield from (Statement("warn", "weight", "weight", f"{c.words.rstrip('. ')}.") for c in log.doubts)
+    yield from (Statement(c.level, c.name, c.name, f"{c.words.rstrip('. ')}.") for c in log.doubts)
     for check in log.inspection.checks:
         words = check.words.rstrip(". ")
         if check.level == "bad" and (check.accepted or check.name == "roles"):

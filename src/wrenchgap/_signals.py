@@ -30,6 +30,7 @@ OUTSIDE = 6.0
 """Seconds, `GRACE` and one more, after which no thread of this process has run to end it."""
 
 _ending: list[int] = []
+"""The first signal, once it has come: the end that it leads to is set then."""
 
 
 class Interrupted(KeyboardInterrupt):

@@ -1,6 +1,7 @@
 """Designed flights: what they contain, the limits that they keep on the plant, and what no flight can do."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -57,6 +58,26 @@ def test_the_plant_and_the_rehearsal_agree_with_what_is_expected(hexarotor, desi
         assert max(0.3 * direction.separation, 2.5) < found
     again = separability(rehearse(designed.trajectory, hexarotor, LIMITS)[0], hexarotor, *designed.effects)
     assert again.separation == pytest.approx(designed.expected.separation, rel=1e-6)
+
+
+def test_pairs_that_the_plant_does_not_confirm_are_named(designed):
+    assert designed.alike == ()
+    alike = replace(
+        designed, flown=tuple(replace(f, separation=dict.fromkeys(f.separation, 0.0)) for f in designed.flown)
+    )
+    assert alike.alike == (("tether", "constant_wrench"),)
+    assert not alike.separable
+
+
+def test_a_simulated_flight_has_as_much_noise_as_is_left_on_the_logs(hexarotor, designed):
+    """Sensors make a part of it; the rest is added, and nothing where the sensors make more."""
+    record, _ = rehearse(designed.trajectory, hexarotor, LIMITS)
+    floor = record.noise * np.array([2.0, 3.0, 0.5, 1.0, 2.0, 10.0])
+    asked = SimpleNamespace(floor=floor, rng=np.random.default_rng(0))
+    added = search._Search._as_on_the_logs(asked, record).measured - record.measured
+    expected = np.sqrt(np.maximum(floor**2 - record.noise**2, 0.0))
+    np.testing.assert_allclose(added.std(axis=0), expected, rtol=0.15)
+    assert search._Search._as_on_the_logs(SimpleNamespace(floor=None), record) is record
 
 
 def test_limits_hold_on_the_plant(hexarotor, designed):

@@ -4,12 +4,15 @@ from dataclasses import replace
 
 import pytest
 
+import wrenchgap as wg
 from tests.learn.test_response_timing import found_in, log
 from wrenchgap import flight
 from wrenchgap.flight.flight import WrenchSeries
 from wrenchgap.learn.data.checks.early_response import early_response
 from wrenchgap.learn.data.measurement import prepare
 from wrenchgap.plant import model_file
+from wrenchgap.replay.present.health import next_command
+from wrenchgap.replay.present.statements import statements
 
 MODEL = model_file.load("crazyflie")
 
@@ -59,3 +62,15 @@ def test_a_snapshot_of_faster_commands_is_early_by_half_its_period():
     made = replace(made, commanded=rare)
     assert found_in(made)["torque_x"].early == pytest.approx(0.02, abs=3e-3)
     assert not checks(made)
+
+
+def test_check_says_it_of_the_log_and_not_of_the_model(tmp_path):
+    """A model that is made anew would be no better: what is to be looked at is the log."""
+    flown = wg.simulate(wg.load_model("crazyflie"), "figure8_level", duration=15, excitation=0.5)
+    wg.save_log(flown, tmp_path / "early.mcap")
+    found = wg.check([tmp_path / "early.mcap"], MODEL, shifts={"imu": -0.02})
+    said = [one.words for one in statements(found.logs[0]) if one.about == "early-response"]
+    assert len(said) == 1
+    assert "20 ms before" in said[0]
+    assert not found.logs[0].contradictions
+    assert next_command(found).startswith("wrenchgap inspect ")

@@ -175,6 +175,16 @@ def test_a_change_without_any_parameter_offers_no_exchange(moved):
     assert presented.what_next(bare, ["a"], "m")[0].text.startswith("next: mend it")
 
 
+@pytest.mark.parametrize(("change", "offered"), [(-0.13, False), (0.19, True)])
+def test_no_exchange_is_offered_where_a_rotor_got_weaker(moved, change, offered):
+    """Were the sides exchanged, it would lift more on the suspect flights; however near these are to the model."""
+    near = {"healthy": 12.0, "suspect": 5.0}
+    rows = tuple(replace(r, mean=np.array([0, 0, 0, 0, near[r.role], 0]) * moved.scatter) for r in moved.rows)
+    rotor = replace(moved.parameters[0], effect="rotor_thrust", name="rotor_0", healthy=0.0, suspect=change)
+    found = replace(moved, rows=rows, parameters=(rotor,))
+    assert (what_to_inspect.exchanged(found) != "") == offered
+
+
 @pytest.mark.parametrize(("healthy", "suspect", "asked"), [(12.0, 5.0, True), (5.0, 12.0, False), (6.0, 5.0, False)])
 def test_healthy_flights_that_are_farther_from_the_model_may_be_the_suspect_ones(moved, healthy, suspect, asked):
     """Mean torques, in what flights differ by: twice as far, the right way round, and alike."""

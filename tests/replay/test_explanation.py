@@ -338,6 +338,24 @@ def test_what_cannot_be_told_apart_has_a_line_each(grouped):
     assert weights[0] == pytest.approx(100.0 * mine, abs=0.51)
 
 
+def test_of_several_groups_each_is_a_sentence(grouped, monkeypatch):
+    """A list for each would leave no room on a screen for what to do."""
+    monkeypatch.setattr(fitted_effects, "likely_groups", lambda found: [*found.groups[:1]] * 2)
+    one, other, *rest = (line.text for line in answer_lines(grouped))
+    assert one == other
+    assert one.startswith("Either ")
+    assert one.endswith("this flight cannot tell which.")
+    assert not any("of these" in text for text in rest)
+
+
+def test_a_motion_that_an_estimator_smoothed_has_no_noise_to_be_held_against(nothing):
+    """What is left is said with the sensor's noise where there was a sensor."""
+    (flown,) = nothing.flights
+    smoothed = replace(flown, records=tuple(replace(r, has_imu=False) for r in flown.records))
+    assert "noise" in posterior.largest_residual(nothing)
+    assert "noise" not in posterior.largest_residual(replace(nothing, flights=(smoothed,)))
+
+
 def test_where_nothing_is_missing_there_is_nothing_to_do(nothing):
     assert nothing.verdict == "nothing"
     assert what_next(nothing, NAME, ["a.mcap"]) == []

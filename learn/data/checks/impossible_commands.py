@@ -31,7 +31,8 @@ class CommandThresholds:
     """Time [s] in which no rotor stops and starts: the quickest follow with 20 ms."""
     others: float = 0.15
     """Of the thrust that a rotor loses for a moment: what a mixer that takes it gives to another one at least. Beside
-    84 lost values others change by 0.02 at most, beside 25 that an ArduPilot quadrotor commanded by 0.3 at least."""
+    84 lost values others change by 0.02 at most, beside 25 that an ArduPilot quadrotor commanded by 0.3 at least. Half
+    and double of this, and of `moment`, tell the same of all."""
 
 
 COMMANDS = CommandThresholds()

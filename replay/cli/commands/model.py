@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 import wrenchgap as wg
+from wrenchgap._escaping import file_word
 from wrenchgap.plant.targets import TARGETS
 from wrenchgap.replay.cli import options as o
 from wrenchgap.replay.cli.commands.export import Precision
@@ -69,8 +70,8 @@ def new(
     run.result(saved)
     run.draw(saved, figure)
     run.write("model", {**saved.to_json(), "model": str(output)}, model=output, figure=figure)
-    flown = source is not None and source.suffix.lower() in (".ulg", ".bin", ".csv", ".parquet")
-    log = shlex.quote(f"./{source}" if str(source).startswith("-") else str(source)) if flown else "LOG"
+    flown = source if source is not None and source.suffix.lower() in (".ulg", ".bin", ".csv", ".parquet") else None
+    log = "LOG" if flown is None else file_word(flown)
     run.line(f"next: wrenchgap check {log} -m {shlex.quote(str(output))} --details")
 
 

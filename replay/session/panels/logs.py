@@ -90,10 +90,10 @@ class LogsPanel(Panel):
 
     def _form(self) -> None:
         """Which model, with what was said of it before; sizes only where it is made here."""
-        host, intake, gui, given = self.host, self.intake, self.host.gui, self.intake.given
-        gui.add_html(markup.sentences(WHY))
         from wrenchgap.replay.present.health import shipped_for  # here: the page stands before it is there
 
+        host, intake, gui, given = self.host, self.intake, self.host.gui, self.intake.given
+        gui.add_html(markup.sentences(WHY))
         known = shipped_for(intake.health.logs) if intake.health is not None and intake.model is None else ""
         self.source = gui.add_dropdown("model", (OF_LOG, *shipped_models()), initial_value=known or OF_LOG)
         host.connect(self.source, lambda _: self._ask_sizes())
