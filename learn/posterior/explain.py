@@ -154,6 +154,7 @@ def search_dataset(
     named = {m.name for m in members}
     keys = tuple(k for k in found.best.scored_set.keys if set(found.scorer.spectrum.columns[k].names) & named)
     left, unsure = left_by(data, with_fit(model, whole.fit)), rest.open & (verdict is Verdict.UNKNOWN)
+    constant = whole.fit.values("constant_wrench")
     flown = with_injection(on, found.scorer) if on.data.answering else None
     limits = detection_limits(found.scorer, keys, model.vehicle, silent=unsure, of=limits_of, flown=flown)
     return Explanation(
@@ -169,7 +170,7 @@ def search_dataset(
         untried=(*chosen.untried, *(Untried(name, Lack.FIT, words) for name, words in tried.failed.items())),
         answering=data.answering,
         apart=flights_apart(data, left, model),
-        granted=granted_trims(data, left + unclear_constant(whole.fit.values("constant_wrench")), every.given, model),
+        granted=granted_trims(data, left + unclear_constant(constant), left_by(data, model), model),
         given={e.name: e.theta for e in model.effects},
         limits=limits,
         **vars(rest),
